@@ -1,0 +1,81 @@
+"""Policies without learning: the guidance laws on an observation row, and two that do not look."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from visenvs.core.config import Config, field_types, to_record
+from visenvs.core.lanes import Task
+from visenvs.core.registry import Law
+
+from .policy import NotApplicable, Rows, State
+
+
+class LawPolicy:
+    """A guidance law as a policy: row to belief, belief to acceleration, acceleration to action row.
+
+    Built from the environment's public configuration and layouts only.
+    """
+
+    def __init__(self, law: Law, task: Task, config: Config) -> None:
+        absent = [name for name in law.needs if name not in task.observation.names]
+        absent += [name for name in law.settings if name not in field_types(type(config))]
+        if "a_max" not in field_types(type(config)):
+            absent.append("a_max")
+        if absent:
+            raise NotApplicable(f"{law.name} needs {', '.join(absent)}, which {task.id} does not give")
+        self.law = law
+        self._task = task
+        self._settings = to_record(config)
+        self._a_max = float(self._settings["a_max"][0])
+
+    def predict(
+        self,
+        observation: Rows,
+        state: State | None = None,
+        episode_start: NDArray[np.bool_] | None = None,
+        deterministic: bool = True,
+    ) -> tuple[Rows, State | None]:
+        """Commands of the law over the longest acceleration; longer ones keep their direction."""
+        beliefs = self._task.observation.records(observation)
+        commands = np.zeros((len(beliefs), self._task.action.size))
+        self.law.decide(beliefs, self._settings, commands)
+        commands /= self._a_max
+        length = np.linalg.norm(commands, axis=1, keepdims=True)
+        return (commands / np.maximum(length, 1.0)).astype(np.float32), state
+
+
+class ZeroPolicy:
+    """No action at all."""
+
+    def __init__(self, task: Task) -> None:
+        self._size = task.action.size
+
+    def predict(
+        self,
+        observation: Rows,
+        state: State | None = None,
+        episode_start: NDArray[np.bool_] | None = None,
+        deterministic: bool = True,
+    ) -> tuple[Rows, State | None]:
+        """Zeros."""
+        return np.zeros((len(observation), self._size), np.float32), state
+
+
+class RandomPolicy:
+    """Uniform actions from a generator of its own, seeded at construction."""
+
+    def __init__(self, task: Task, seed: int = 0) -> None:
+        self._size = task.action.size
+        self._rng = np.random.default_rng(seed)
+
+    def predict(
+        self,
+        observation: Rows,
+        state: State | None = None,
+        episode_start: NDArray[np.bool_] | None = None,
+        deterministic: bool = True,
+    ) -> tuple[Rows, State | None]:
+        """Independent draws in [-1, 1]; `deterministic` makes no difference."""
+        return self._rng.uniform(-1.0, 1.0, (len(observation), self._size)).astype(np.float32), state

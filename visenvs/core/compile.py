@@ -1,0 +1,58 @@
+"""The one way to compile a kernel, and the one place where compiled code is cached.
+
+Numba's own on-disk cache looks only at the file of the cached function, so an edit of a kernel that
+it calls in another file leaves stale machine code behind. Here the cache folder is named after the
+contents of all of visenvs' kernels: any edit starts a fresh folder, and nothing stale can be loaded.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numba
+
+PACKAGE = Path(__file__).resolve().parents[1]
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def kernel(function: F) -> F:
+    """Compile a function for one lane, or a plain loop over lanes.
+
+    `nogil`, cached on disk, `fastmath` off: results must not depend on how lanes are grouped.
+    With `NUMBA_DISABLE_JIT=1` the function stays plain Python.
+    """
+    chosen_by_user = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = chosen_by_user or str(cache_folder())
+    try:
+        return numba.njit(cache=True, nogil=True, error_model="numpy", forceinline=True)(function)
+    finally:
+        numba.config.CACHE_DIR = chosen_by_user
+
+
+@cache
+def cache_folder() -> Path:
+    """The folder that holds the compiled kernels of exactly this source tree."""
+    digest = hashlib.sha256()
+    for path in sorted(PACKAGE.rglob("*.py")):
+        text = path.read_bytes()
+        if b"@kernel" in text:
+            digest.update(path.relative_to(PACKAGE).as_posix().encode() + b"\0" + text)
+    return _cache_root() / f"kernels-{digest.hexdigest()[:16]}"
+
+
+def _cache_root() -> Path:
+    base = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
+    root = Path(base) / "visenvs"
+    try:
+        root.mkdir(parents=True, exist_ok=True)
+        if os.access(root, os.W_OK):
+            return root
+    except OSError:
+        pass
+    return Path(tempfile.gettempdir()) / f"visenvs-{os.getuid() if hasattr(os, 'getuid') else 0}"

@@ -1,0 +1,244 @@
+"""Lanes: many copies of one task in one structured array, and the loop that advances them.
+
+A task gives two compiled loops over its own lane kernels (reset and step). What every task shares is
+typed here once: seeds and episodes, time limits, divergence, reward, observation rows.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from visenvs.core.compile import kernel
+from visenvs.core.config import Config, to_record
+from visenvs.core.layout import Layout, Row, Values, float_slots
+from visenvs.core.outcome import DIVERGED, RUNNING, TIME_LIMIT, Outcome
+
+HEADER = [("seed", "u8"), ("episode", "i8"), ("step", "i8"), ("outcome", "i8")]
+ROUNDING = 1e-6  # how far outside its box an action may lie
+
+
+def lane_dtype(columns: list[Any]) -> np.dtype[Any]:
+    """The record of one lane: the shared header, then a task's own columns (f8 or i8, any shape)."""
+    return np.dtype(HEADER + columns)
+
+
+@dataclass(frozen=True)
+class Task:
+    """The card of one environment family. One file in `visenvs/envs/` makes one of these.
+
+    Attributes:
+        id: Gymnasium id.
+        summary: one line for tables.
+        scenarios: named presets, the default first.
+        lane: record of one lane (`lane_dtype`).
+        observation, action: layouts of the rows.
+        costs: lane fields that hold this step's increase of each cost term; reward = - their sum.
+        metrics: lane field -> unit, reported when an episode ends.
+        reset_lanes: compiled (lanes, config) -> None; starts every lane
+            given, zeroed but for its seed and episode.
+        step_lanes: compiled (lanes, actions, config) -> None; advances every lane that is running.
+        max_steps: number of steps after which a running lane is cut off, from the config; 0 for never.
+        picture: "module:function" that draws one lane record, imported when a frame is asked for.
+    """
+
+    id: str
+    summary: str
+    scenarios: Mapping[str, Config]
+    lane: np.dtype[Any]
+    observation: Layout
+    action: Layout
+    costs: tuple[str, ...]
+    metrics: Mapping[str, str]
+    reset_lanes: Callable[..., None]
+    step_lanes: Callable[..., None]
+    max_steps: Callable[[Any], int]
+    picture: str = field(default="")
+
+
+class Lanes:
+    """`count` lanes of one task under one configuration.
+
+    Attributes:
+        records: the whole state, one record per lane; read it by field name.
+        rows: float32 observation of every lane, shape (count, observation.size).
+        rewards: of the last step, shape (count,).
+    """
+
+    def __init__(self, task: Task, config: Config, count: int) -> None:
+        if count < 1:
+            raise ValueError(f"the number of lanes must be at least 1, got {count}")
+        self.task = task
+        self.config = config
+        self.records: NDArray[Any] = np.zeros(count, task.lane)
+        self.rows: Row = np.zeros((count, task.observation.size), np.float32)
+        self.rewards: Values = np.zeros(count)
+        self._floats = as_floats(self.records)
+        self._record = to_record(config)
+        self._max_steps = task.max_steps(config)
+        self._slots = task.observation.slots(task.lane)
+        self._costs = float_slots(task.lane, task.costs)
+
+    @property
+    def count(self) -> int:
+        """How many lanes there are."""
+        return len(self.records)
+
+    @property
+    def outcome(self) -> NDArray[np.int64]:
+        """`Outcome` of every lane as integers, shape (count,)."""
+        return self.records["outcome"]
+
+    @property
+    def done(self) -> NDArray[np.bool_]:
+        """Which lanes have ended, shape (count,)."""
+        return self.outcome != RUNNING
+
+    @property
+    def truncated(self) -> NDArray[np.bool_]:
+        """Which lanes were cut off by the time limit, shape (count,)."""
+        return self.outcome == TIME_LIMIT
+
+    def reset(self, seeds: ArrayLike | None = None, where: NDArray[np.bool_] | None = None) -> None:
+        """Start new episodes.
+
+        Args:
+            seeds: one non-negative integer for each lane that is reset; the lane's first episode of
+                that seed begins. None: the next episode of the seed that the lane has.
+            where: which lanes, shape (count,); None for all.
+        """
+        chosen = np.ones(self.count, bool) if where is None else where
+        before = self.records[chosen]
+        lanes = np.zeros_like(before)
+        if seeds is None:
+            lanes["seed"], lanes["episode"] = before["seed"], before["episode"] + 1
+        else:
+            lanes["seed"] = checked_seeds(seeds, len(lanes))
+        self.task.reset_lanes(lanes, self._record)
+        rows = np.zeros((len(lanes), self.rows.shape[1]), np.float32)
+        write_rows(as_floats(lanes), self._slots, rows)
+        self.records[chosen] = lanes
+        self.rows[chosen] = rows
+
+    def step(self, actions: Row) -> int:
+        """Advance every running lane by one step; returns how many lanes have ended.
+
+        Args:
+            actions: rows of the action layout in [-1, 1], float32, shape (count, action.size).
+
+        Raises:
+            ValueError: an action of a running lane is not finite or outside its box, or the shape is
+                wrong; no lane has been touched then.
+        """
+        if actions.shape != (self.count, self.task.action.size) or actions.dtype != np.float32:
+            actions = self._shaped(actions)
+        bad = begin(self.records, self._floats, self._costs, actions)
+        if bad >= 0:
+            raise ValueError(
+                f"action of lane {bad} must be finite and within [-1, 1], got {actions[bad].tolist()}; "
+                "write `action = env.action_space.sample()` or clip with `numpy.clip(action, -1, 1)`"
+            )
+        self.task.step_lanes(self.records, actions, self._record)
+        return settle(self.records, self._floats, self._costs, self._slots, self._max_steps, self.rewards, self.rows)
+
+    def results(self, lane: int) -> dict[str, Any]:
+        """Outcome and metrics of one lane, SI."""
+        record = self.records[lane]
+        metrics = {name: float(record[name]) for name in self.task.metrics}
+        return {"outcome": Outcome(int(record["outcome"])), **metrics}
+
+    def snapshot(self) -> NDArray[Any]:
+        """A copy of the whole state, for `restore`."""
+        return self.records.copy()
+
+    def restore(self, snapshot: NDArray[Any]) -> None:
+        """Return to a snapshot of the same task and number of lanes."""
+        if snapshot.dtype != self.records.dtype or snapshot.shape != self.records.shape:
+            raise ValueError(f"the snapshot is not of {self.count} lanes of {self.task.id}")
+        self.records[:] = snapshot
+        write_rows(self._floats, self._slots, self.rows)
+
+    def _shaped(self, actions: ArrayLike) -> Row:
+        array = np.asarray(actions, np.float32)
+        if array.shape != (self.count, self.task.action.size):
+            raise ValueError(
+                f"actions must have shape {(self.count, self.task.action.size)}, got {array.shape}: "
+                f"{self.task.id} takes {', '.join(self.task.action.names)}"
+            )
+        return array
+
+
+def as_floats(lanes: NDArray[Any]) -> Values:
+    """The same memory as float64, shape (count, record size / 8)."""
+    return lanes.view(np.float64).reshape(len(lanes), -1)
+
+
+def checked_seeds(seeds: ArrayLike, count: int) -> NDArray[np.uint64]:
+    """`count` seeds as uint64, or a ValueError."""
+    array = np.asarray(seeds)
+    if array.shape != (count,) or array.dtype.kind not in "iu" or (array < 0).any():
+        raise ValueError(f"expected {count} non-negative integer seeds, got {seeds!r}")
+    return array.astype(np.uint64)
+
+
+@kernel
+def begin(lanes, floats, costs, actions):
+    """Check the actions of all running lanes, then open their next step: count it, clear the costs.
+
+    Returns the index of the first lane whose action is not finite or leaves [-1, 1], with no lane
+    touched, or -1.
+    """
+    limit = 1.0 + ROUNDING
+    for i in range(lanes.shape[0]):
+        if lanes[i]["outcome"] == RUNNING:
+            for j in range(actions.shape[1]):
+                if not abs(actions[i, j]) <= limit:
+                    return i
+    for i in range(lanes.shape[0]):
+        if lanes[i]["outcome"] == RUNNING:
+            lanes[i]["step"] += 1
+        for j in range(costs.shape[0]):
+            floats[i, costs[j]] = 0.0
+    return -1
+
+
+@kernel
+def settle(lanes, floats, costs, slots, max_steps, rewards, rows):
+    """Finish a step: rewards, divergence, time limit, rows. Returns how many lanes have ended."""
+    ended = 0
+    for i in range(lanes.shape[0]):
+        lane = lanes[i]
+        reward = 0.0
+        for j in range(costs.shape[0]):
+            reward -= floats[i, costs[j]]
+        finite = reward
+        for j in range(slots.shape[0]):
+            finite += 0.0 * floats[i, slots[j]["source"]]
+        if not math.isfinite(finite):
+            lane["outcome"] = DIVERGED
+            reward = 0.0
+            for j in range(costs.shape[0]):
+                floats[i, costs[j]] = 0.0
+        elif lane["outcome"] == RUNNING and max_steps > 0 and lane["step"] >= max_steps:
+            lane["outcome"] = TIME_LIMIT
+        rewards[i] = reward
+        ended += lane["outcome"] != RUNNING
+    write_rows(floats, slots, rows)
+    return ended
+
+
+@kernel
+def write_rows(floats, slots, rows):
+    """Observation rows from lane records seen as float64 (n, k): clipped, scaled, 0 where not finite."""
+    for i in range(rows.shape[0]):
+        for j in range(slots.shape[0]):
+            slot = slots[j]
+            value = floats[i, slot["source"]]
+            if not math.isfinite(value):
+                value = 0.0
+            rows[i, j] = min(max(value, slot["low"]), slot["high"]) * slot["gain"]

@@ -1,0 +1,170 @@
+"""Layout: the one description of an observation or action row.
+
+A row is float32 and scaled by fixed constants to about [-1, 1]; its fields have names, units and
+frames. Nothing outside this file knows at which index a field sits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Row = NDArray[np.float32]
+Values = NDArray[np.float64]
+
+SLOT = np.dtype([("source", "i8"), ("low", "f8"), ("high", "f8"), ("gain", "f8")])
+
+
+@dataclass(frozen=True)
+class Field:
+    """One named quantity of a row.
+
+    Attributes:
+        name: as in the lane record, with its frame (`rhat_TV_N`).
+        size: how many numbers.
+        unit: SI unit, "" when dimensionless.
+        frame: N, B, C, or "" for scalars.
+        low, high: bounds in SI; values beyond them are clipped in the row.
+        scale: the SI value that becomes 1 in the row.
+        doc: what it is, for the tables.
+    """
+
+    name: str
+    size: int
+    unit: str
+    frame: str
+    low: float
+    high: float
+    scale: float
+    doc: str
+
+    def __post_init__(self) -> None:
+        bounds = (self.low, self.high, self.scale)
+        if self.size < 1 or not np.isfinite(bounds).all() or self.scale <= 0 or self.low >= self.high:
+            raise ValueError(
+                f"field {self.name!r}: needs size >= 1, finite low < high and scale > 0, "
+                f"got size={self.size}, low={self.low}, high={self.high}, scale={self.scale}"
+            )
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Named fields that together make one row."""
+
+    fields: tuple[Field, ...]
+
+    def __post_init__(self) -> None:
+        names = [field.name for field in self.fields]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice or not names:
+            raise ValueError(f"a layout needs fields with names of their own, got {names}")
+
+    @cached_property
+    def size(self) -> int:
+        """How many numbers a row has."""
+        return sum(field.size for field in self.fields)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Field names in row order."""
+        return tuple(field.name for field in self.fields)
+
+    @cached_property
+    def scale(self) -> Values:
+        """SI value of 1 in the row, shape (size,)."""
+        return self._spread("scale")
+
+    @cached_property
+    def dtype(self) -> np.dtype[Any]:
+        """A record of SI values with the fields' names."""
+        return np.dtype([(f.name, "f8", (f.size,)) if f.size > 1 else (f.name, "f8") for f in self.fields])
+
+    @cached_property
+    def space(self) -> gym.spaces.Box:
+        """The finite Box that every row lies in."""
+        low = (self._spread("low") / self.scale).astype(np.float32)
+        high = (self._spread("high") / self.scale).astype(np.float32)
+        return gym.spaces.Box(low, high, dtype=np.float32)
+
+    def pack(self, values: Mapping[str, ArrayLike]) -> Row:
+        """Row or rows of SI values by name; leading dimensions are kept, values are clipped."""
+        missing = set(self.names) ^ set(values)
+        if missing:
+            raise ValueError(f"values by name must be exactly {list(self.names)}; differs in {sorted(missing)}")
+        parts = [_columns(values[f.name], f.size) for f in self.fields]
+        si = np.concatenate(np.broadcast_arrays(*parts) if self._all_single else parts, axis=-1)
+        return (np.clip(si, self._spread("low"), self._spread("high")) / self.scale).astype(np.float32)
+
+    def unpack(self, row: ArrayLike) -> dict[str, Values]:
+        """SI values by name of a row or rows (leading dimensions are kept; size-1 fields are scalars)."""
+        si = self._si(row)
+        out: dict[str, Values] = {}
+        for field, start in zip(self.fields, self._starts, strict=True):
+            out[field.name] = si[..., start] if field.size == 1 else si[..., start : start + field.size]
+        return out
+
+    def records(self, rows: ArrayLike) -> NDArray[Any]:
+        """Rows (n, size) as n records of SI values by name, for kernels."""
+        return np.ascontiguousarray(self._si(rows)).view(self.dtype).reshape(-1)
+
+    def slots(self, record: np.dtype[Any]) -> NDArray[Any]:
+        """Where each number of the row sits in a lane record (in units of 8 bytes), with its bounds."""
+        out = np.zeros(self.size, SLOT)
+        out["source"] = float_slots(record, self.names)
+        out["low"], out["high"], out["gain"] = self._spread("low"), self._spread("high"), 1.0 / self.scale
+        return out
+
+    def table(self) -> str:
+        """The fields as a Markdown table."""
+        lines = ["| field | size | unit | frame | range | 1 in the row is | what |", "|---|---|---|---|---|---|---|"]
+        for f in self.fields:
+            lines.append(
+                f"| `{f.name}` | {f.size} | {f.unit or '-'} | {f.frame or '-'} | {f.low:g} to {f.high:g} "
+                f"| {f.scale:g} | {f.doc} |"
+            )
+        return "\n".join(lines)
+
+    @cached_property
+    def _starts(self) -> list[int]:
+        return [0, *np.cumsum([field.size for field in self.fields])[:-1].tolist()]
+
+    @cached_property
+    def _all_single(self) -> bool:
+        return all(field.size == 1 for field in self.fields)
+
+    def _spread(self, key: str) -> Values:
+        return np.repeat([getattr(f, key) for f in self.fields], [f.size for f in self.fields]).astype(float)
+
+    def _si(self, rows: ArrayLike) -> Values:
+        array = np.asarray(rows, dtype=np.float64)
+        if array.shape[-1:] != (self.size,):
+            raise ValueError(f"a row of this layout has {self.size} numbers, got shape {array.shape}")
+        return array * self.scale
+
+
+def float_slots(record: np.dtype[Any], names: Sequence[str]) -> NDArray[np.int64]:
+    """Positions, in units of 8 bytes, of the named float64 fields of a lane record, in order."""
+    out: list[int] = []
+    for name in names:
+        if record.fields is None or name not in record.fields:
+            raise ValueError(f"the lane record has no field {name!r}; it has {list(record.names or ())}")
+        dtype, offset = record.fields[name][:2]
+        if dtype.base != np.dtype("f8") or offset % 8:
+            raise ValueError(f"field {name!r} of the lane record must be aligned float64, is {dtype} at {offset}")
+        out.extend(offset // 8 + i for i in range(dtype.itemsize // 8))
+    return np.array(out, dtype=np.int64)
+
+
+def _columns(value: ArrayLike, size: int) -> Values:
+    array = np.asarray(value, dtype=np.float64)
+    if size == 1 and array.shape[-1:] != (1,):
+        array = array[..., None]
+    if array.shape[-1:] != (size,):
+        raise ValueError(f"expected {size} numbers in the last dimension, got shape {array.shape}")
+    return array
