@@ -1,0 +1,206 @@
+"""Learned policies, loaded without running anybody's code.
+
+An SB3 zip holds JSON, pickles and tensors. Here the architecture is read from the card or from the
+zip's JSON as data, the weights through `torch.load(weights_only=True)`, and pickles are not touched.
+torch and stable-baselines3 are imported only when a policy is loaded.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from visenvs.core.lanes import Task
+
+from .policy import Policy, Rows, State
+
+FIRST_LAYER = {  # the layer that reads the observation tells the algorithm; recurrent before plain PPO
+    "sac": "actor.latent_pi.0.weight",
+    "td3": "actor.mu.0.weight",
+    "recurrent_ppo": "lstm_actor.weight_ih_l0",
+    "ppo": "mlp_extractor.policy_net.0.weight",
+}
+ACTIVATIONS = ("Tanh", "ReLU", "ELU", "LeakyReLU", "SiLU", "GELU")
+
+
+class Residual:
+    """A learned correction on top of a law: action = clip(law + scale x correction)."""
+
+    def __init__(self, law: Policy, scale: float) -> None:
+        if not 0.0 < scale <= 1.0:
+            raise ValueError(f"the scale of a residual must lie in (0, 1], got {scale}")
+        self._law = law
+        self._scale = np.float32(scale)
+
+    def combine(self, observation: Rows, correction: Rows) -> Rows:
+        """Actions (n, size) from rows and corrections in [-1, 1]; law memory is not used."""
+        action, _ = self._law.predict(observation)
+        return np.clip(action + self._scale * correction, -1.0, 1.0)
+
+
+class LearnedPolicy:
+    """A network, alone or as a residual on a law."""
+
+    def __init__(self, network: Any, residual: Residual | None = None) -> None:
+        self._network = network
+        self._residual = residual
+
+    def predict(
+        self,
+        observation: Rows,
+        state: State | None = None,
+        episode_start: NDArray[np.bool_] | None = None,
+        deterministic: bool = True,
+    ) -> tuple[Rows, State | None]:
+        """Actions of the network, plus the law's where it is a residual."""
+        action, state = self._network.predict(observation, state, episode_start, deterministic)
+        if self._residual is not None:
+            action = self._residual.combine(observation, action)
+        return np.clip(action, -1.0, 1.0), state
+
+
+@dataclass(frozen=True)
+class Architecture:
+    """What it takes to rebuild an SB3 policy: algorithm, layer widths, activation, LSTM width."""
+
+    algo: str
+    net_arch: Any
+    activation: str
+    lstm: int = 0
+
+
+def digest(path: Path) -> str:
+    """sha256 of a file, hexadecimal."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def read_card(model: Path) -> dict[str, Any]:
+    """`card.json` beside a model, its sha256 checked; empty where there is none."""
+    path = model.with_name("card.json")
+    if not path.exists():
+        return {}
+    try:
+        card = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise ValueError(f"{path} is not JSON: {error}") from None
+    if not isinstance(card, dict) or card.get("sha256") != digest(model):
+        raise ValueError(
+            f"{path} does not belong to {model.name}: the sha256 differs; take both files from one training, "
+            "or remove the card to load the network alone"
+        )
+    return card
+
+
+def load_network(path: Path, task: Task, trust: bool = False) -> Any:
+    """The SB3 policy in a zip, ready to predict.
+
+    Args:
+        path: an SB3 zip of PPO, RecurrentPPO, SAC or TD3 with an MLP policy.
+        task: the environment that it is to fly; its spaces must fit.
+        trust: let SB3 unpickle what the zip holds (custom policies need it). That runs code of
+            whoever made the file.
+
+    Raises:
+        ValueError: not an SB3 zip, an architecture that cannot be rebuilt, or other spaces.
+    """
+    weights, data = _read_zip(path)
+    algo = _algorithm(path, weights)
+    if trust:
+        network = _algorithm_class(algo).load(path, device="cpu").policy
+    else:
+        network = _rebuild(_architecture(path, algo, weights, data), weights, task, path)
+    if network.observation_space.shape != task.observation.space.shape:
+        raise _wrong_space(path, task, network.observation_space.shape[0])
+    network.set_training_mode(False)
+    return network
+
+
+def _read_zip(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    import torch
+
+    try:
+        with zipfile.ZipFile(path) as archive:
+            data = json.loads(archive.read("data"))
+            weights = torch.load(io.BytesIO(archive.read("policy.pth")), map_location="cpu", weights_only=True)
+    except FileNotFoundError:
+        raise ValueError(f"no file {path}") from None
+    except Exception as error:
+        raise ValueError(
+            f"{path} is not a stable-baselines3 model that can be read safely ({type(error).__name__}: {error}); "
+            "expected what `model.save(...)` writes"
+        ) from None
+    if not isinstance(data, dict) or not isinstance(weights, dict):
+        raise ValueError(f"{path} is not a stable-baselines3 model: its parts have the wrong types")
+    return weights, data
+
+
+def _algorithm(path: Path, weights: dict[str, Any]) -> str:
+    for algo, layer in FIRST_LAYER.items():
+        if layer in weights:
+            return algo
+    raise ValueError(f"{path}: the weights are not of a PPO, RecurrentPPO, SAC or TD3 policy")
+
+
+def _architecture(path: Path, algo: str, weights: dict[str, Any], data: dict[str, Any]) -> Architecture:
+    extra = [name for name in weights if name.startswith(("features_extractor.", "actor.features_extractor."))]
+    if extra:
+        raise ValueError(f"{path}: has a features extractor of its own ({extra[0]}); it needs --trust")
+    kwargs = data.get("policy_kwargs")
+    named = str(kwargs.get("activation_fn", "")) if isinstance(kwargs, dict) else ""
+    default = "Tanh" if algo in ("ppo", "recurrent_ppo") else "ReLU"
+    activation = named.rsplit(".", 1)[-1].rstrip("'>") or default
+    if activation not in ACTIVATIONS:
+        raise ValueError(f"{path}: activation {activation!r} is not one of {', '.join(ACTIVATIONS)}; it needs --trust")
+    if algo in ("ppo", "recurrent_ppo"):
+        pi, vf = (_widths(weights, f"mlp_extractor.{part}_net") for part in ("policy", "value"))
+        lstm = weights["lstm_actor.weight_hh_l0"].shape[1] if algo == "recurrent_ppo" else 0
+        return Architecture(algo, {"pi": pi, "vf": vf}, activation, lstm)
+    pi = _widths(weights, "actor.latent_pi") if algo == "sac" else _widths(weights, "actor.mu")[:-1]
+    return Architecture(algo, {"pi": pi, "qf": _widths(weights, "critic.qf0")[:-1]}, activation)
+
+
+def _widths(weights: dict[str, Any], prefix: str) -> list[int]:
+    layers = [name for name in weights if name.startswith(f"{prefix}.") and name.endswith(".weight")]
+    return [int(weights[name].shape[0]) for name in sorted(layers, key=lambda n: int(n.split(".")[-2]))]
+
+
+def _rebuild(arch: Architecture, weights: dict[str, Any], task: Task, path: Path) -> Any:
+    from torch import nn
+
+    kwargs: dict[str, Any] = {"net_arch": arch.net_arch, "activation_fn": getattr(nn, arch.activation)}
+    if arch.algo == "recurrent_ppo":
+        kwargs |= {"lstm_hidden_size": arch.lstm, "enable_critic_lstm": "lstm_critic.weight_ih_l0" in weights}
+    policy_class = _algorithm_class(arch.algo).policy_aliases["MlpLstmPolicy" if arch.lstm else "MlpPolicy"]
+    spaces = task.observation.space, task.action.space
+    size = int(weights[FIRST_LAYER[arch.algo]].shape[1])
+    if size != task.observation.size:
+        raise _wrong_space(path, task, size)
+    policy = policy_class(*spaces, lambda _progress: 0.0, **kwargs)
+    try:
+        policy.load_state_dict(weights)
+    except RuntimeError as error:
+        raise ValueError(f"{path}: the weights do not fit {arch.algo} on {task.id}: {error}") from None
+    return policy
+
+
+def _algorithm_class(algo: str) -> Any:
+    import stable_baselines3
+    from sb3_contrib import RecurrentPPO
+
+    classes = {"ppo": stable_baselines3.PPO, "sac": stable_baselines3.SAC, "td3": stable_baselines3.TD3}
+    return {**classes, "recurrent_ppo": RecurrentPPO}[algo]
+
+
+def _wrong_space(path: Path, task: Task, size: int) -> ValueError:
+    return ValueError(
+        f"{path} was trained on observations of {size} numbers, {task.id} gives {task.observation.size} "
+        f"({', '.join(task.observation.names)}); train with `python -m train.sb3 --env {task.id}`"
+    )

@@ -1,0 +1,113 @@
+"""Policies by name, by file, or by `module:factory`."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from visenvs.core.config import Config, nearest
+from visenvs.core.lanes import Task
+from visenvs.core.registry import laws
+
+from .classical import LawPolicy, RandomPolicy, ZeroPolicy
+from .learned import LearnedPolicy, Residual, load_network, read_card
+from .policy import Policy
+
+PRETRAINED = Path(__file__).resolve().parent / "pretrained"
+BLIND = {"zero": ("no action at all", ZeroPolicy), "random": ("uniform random actions", RandomPolicy)}
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A policy that is ready to fly, and how tables call it.
+
+    Attributes:
+        name: label.
+        policy: the policy.
+        information: what it decides on: "belief" (the filter's estimate and covariance), "raw"
+            (measurements), "none".
+        kind: "law", "learned", "residual", "blind" or "custom".
+        summary: one line.
+    """
+
+    name: str
+    policy: Policy
+    information: str
+    kind: str
+    summary: str
+
+
+def names(env_id: str) -> tuple[str, ...]:
+    """The policies that the leaderboard of an environment shows by default."""
+    return (*BLIND, *laws(), *shipped(env_id))
+
+
+def shipped(env_id: str) -> dict[str, Path]:
+    """Name -> model file of the learned policies that come with an environment."""
+    folder = PRETRAINED / env_id.rpartition("/")[2]
+    return {path.parent.name: path for path in sorted(folder.glob("*/model.zip"))}
+
+
+def load(spec: str, task: Task, config: Config, trust: bool = False) -> Entry:
+    """The policy that a specification names.
+
+    Args:
+        spec: a name (`names`), the path of an SB3 zip or of a folder with model.zip, or
+            `module:factory`, where `factory(task, config)` returns a policy.
+        task, config: what it is to fly.
+        trust: let a model file run the code that is pickled in it.
+
+    Raises:
+        NotApplicable: the policy cannot fly this environment.
+        ValueError: there is no such policy, or the file is not one.
+    """
+    if spec in BLIND:
+        summary, make = BLIND[spec]
+        return Entry(spec, make(task), "none", "blind", summary)
+    if spec in laws():
+        law = laws()[spec]
+        return Entry(spec, LawPolicy(law, task, config), "belief", "law", law.summary)
+    if spec in shipped(task.id):
+        return _load_model(spec, shipped(task.id)[spec], task, config, trust)
+    path = Path(spec)
+    if path.suffix == ".zip" or path.is_dir():
+        model = path / "model.zip" if path.is_dir() else path
+        return _load_model(spec, model, task, config, trust)
+    if ":" in spec:
+        return Entry(spec, _factory(spec)(task, config), "belief", "custom", "user's own")
+    known = names(task.id)
+    raise ValueError(
+        f"unknown policy {spec!r}{nearest(spec, known)} Known: {', '.join(known)}; "
+        "or the path of an SB3 .zip, or module:factory"
+    )
+
+
+def _load_model(name: str, model: Path, task: Task, config: Config, trust: bool) -> Entry:
+    if not model.exists():
+        raise ValueError(f"no model {model}; expected what `python -m train.sb3 --out DIR` writes")
+    card = read_card(model)
+    network = load_network(model, task, trust)
+    residual = card.get("residual")
+    if residual is None:
+        return Entry(name, LearnedPolicy(network), card.get("information", "belief"), "learned", _summary(card))
+    law = load(residual["law"], task, config).policy
+    policy = LearnedPolicy(network, Residual(law, residual["scale"]))
+    return Entry(name, policy, card.get("information", "belief"), "residual", _summary(card))
+
+
+def _summary(card: dict[str, Any]) -> str:
+    if not card:
+        return "user's own network"
+    on = f", residual on {card['residual']['law']}" if card.get("residual") else ""
+    return f"{card['algo']}{on}, {card['steps']:,} steps"
+
+
+def _factory(spec: str) -> Callable[[Task, Config], Policy]:
+    module, _, name = spec.rpartition(":")
+    try:
+        return getattr(importlib.import_module(module), name)
+    except (ImportError, AttributeError) as error:
+        raise ValueError(f"cannot import {spec!r} ({error}); write module:factory, factory(task, config)") from None

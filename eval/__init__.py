@@ -1,0 +1,1 @@
+"""Evaluation: rollouts on public seeds, statistics, leaderboard, the papers' figures, benchmark."""

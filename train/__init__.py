@@ -1,0 +1,1 @@
+"""Training with stable-baselines3: `python -m train.sb3 --help`."""

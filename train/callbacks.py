@@ -1,0 +1,90 @@
+"""What happens during training: validation on fixed seeds, the best model kept, checkpoints."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.evaluation import evaluate_policy
+
+from .vec_env import LaneVecEnv
+
+
+def save_whole(save: Callable[[Path], None], path: Path) -> None:
+    """Save under a temporary name, then rename."""
+    temporary = path.with_name(f".{path.stem}.tmp{path.suffix}")
+    save(temporary)
+    os.replace(temporary, path)
+
+
+class Keeper(BaseCallback):
+    """Validates every `every` steps, keeps the best model, and writes a checkpoint each time.
+
+    Args:
+        lanes: validation lanes, one episode each, the same at every validation.
+        every: training steps between validations.
+        out: folder for `model.zip` (the best so far) and `checkpoint.zip` (the newest).
+        best: mean cost, steps and success rate of the best model of an earlier session, or None.
+    """
+
+    def __init__(self, lanes: LaneVecEnv, every: int, out: Path, best: dict[str, Any] | None) -> None:
+        super().__init__()
+        self._lanes = lanes
+        self._every = every
+        self._out = out
+        self._next = every
+        self.best = best
+
+    def _on_training_start(self) -> None:
+        self._next = self.num_timesteps + self._every
+
+    def _on_step(self) -> bool:
+        return True
+
+    def _on_rollout_end(self) -> None:
+        if self.num_timesteps >= self._next:
+            self._next = self.num_timesteps + self._every
+            self.keep()
+
+    def keep(self) -> None:
+        """Validate now, keep the model if it is the best, and write the checkpoint."""
+        found = validate(self.model, self._lanes)
+        for name, value in found.items():
+            self.logger.record(f"validation/{name}", value)
+        if self.best is None or found["cost_mean"] < self.best["cost_mean"]:
+            save_whole(self.model.save, self._out / "model.zip")
+            self.best = {**found, "steps": self.num_timesteps}
+        checkpoint(self.model, self._out)
+
+
+def validate(model: BaseAlgorithm, lanes: LaneVecEnv) -> dict[str, float]:
+    """Costs (SI) and success rate of the deterministic policy, one episode for each lane."""
+    won: list[bool] = []
+
+    def watch(local: dict[str, Any], _globals: dict[str, Any]) -> None:
+        if local["done"]:
+            won.append(local["info"]["is_success"])
+
+    returns, _ = evaluate_policy(
+        model, lanes, n_eval_episodes=lanes.num_envs, return_episode_rewards=True, warn=False, callback=watch
+    )
+    costs = -np.asarray(returns, float)
+    return {
+        "cost_mean": float(costs.mean()),
+        "cost_median": float(np.median(costs)),
+        "cost_p95": float(np.percentile(costs, 95)),
+        "success_rate": float(np.mean(won)),
+        "episodes": len(costs),
+    }
+
+
+def checkpoint(model: BaseAlgorithm, out: Path) -> None:
+    """Everything that is needed to go on: the model and, off policy, its replay buffer."""
+    if hasattr(model, "save_replay_buffer"):
+        save_whole(model.save_replay_buffer, out / "replay.pkl")
+    save_whole(model.save, out / "checkpoint.zip")

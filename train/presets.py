@@ -1,0 +1,57 @@
+"""Hyperparameters per (environment, algorithm); an environment without an entry trains with the defaults.
+
+The defaults suit these tasks: many lanes, big minibatches, no discount (an episode's return is minus
+its cost), small exploration noise, since accelerations of a fraction of the limit matter.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+Algo = Literal["ppo", "sac", "td3", "recurrent_ppo"]
+
+
+@dataclass(frozen=True)
+class Preset:
+    """How to train one algorithm on one environment.
+
+    Attributes:
+        lanes: environments that fly side by side.
+        model: arguments of the SB3 algorithm. Learning rates fall linearly to a twentieth.
+        policy: arguments of its policy (`net_arch`, `log_std_init`, ...).
+        residual_scale: what a residual may add to a law, over the longest action.
+        reward_floor: see `train.vec_env.LaneVecEnv`.
+    """
+
+    lanes: int
+    model: dict[str, Any]
+    policy: dict[str, Any] = field(default_factory=dict)
+    residual_scale: float = 0.3
+    reward_floor: float = float("-inf")
+
+
+ON_POLICY = {"n_steps": 200, "batch_size": 2048, "n_epochs": 6, "gamma": 1.0, "gae_lambda": 0.95, "learning_rate": 1e-3}
+OFF_POLICY = {"batch_size": 1024, "gamma": 0.999, "learning_rate": 1e-3, "train_freq": 1, "gradient_steps": 4}
+SMALL = {"net_arch": [64, 64]}
+
+DEFAULTS: dict[Algo, Preset] = {
+    "ppo": Preset(256, ON_POLICY, SMALL | {"log_std_init": -1.5}),
+    "recurrent_ppo": Preset(
+        128,
+        ON_POLICY | {"n_steps": 100, "n_epochs": 4},
+        SMALL | {"log_std_init": -1.5, "lstm_hidden_size": 64, "enable_critic_lstm": True},
+    ),
+    "sac": Preset(64, OFF_POLICY | {"ent_coef": "auto_0.01", "learning_starts": 20_000}, SMALL),
+    "td3": Preset(64, OFF_POLICY | {"learning_starts": 20_000}, SMALL),
+}
+
+RENDEZVOUS = "visenvs/Rendezvous-v0"
+PRESETS: dict[tuple[str, Algo], Preset] = {
+    (RENDEZVOUS, "ppo"): Preset(256, ON_POLICY, SMALL | {"log_std_init": -1.5}, reward_floor=-3.0),
+}
+
+
+def preset_for(env_id: str, algo: Algo) -> Preset:
+    """The preset of this pair, or the algorithm's defaults."""
+    return PRESETS.get((env_id, algo), DEFAULTS[algo])

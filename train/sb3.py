@@ -1,0 +1,198 @@
+"""Train a policy with stable-baselines3 on native lanes: `python -m train.sb3 --help`.
+
+Lanes train on seeds below 90000 and are validated on seeds from 90000; the public evaluation seeds
+(100000 and up) are never touched. The same command goes on where an interrupted run stopped.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from sb3_contrib import RecurrentPPO
+from stable_baselines3 import PPO, SAC, TD3
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.utils import set_random_seed
+
+from agents import registry
+from agents.learned import Residual, digest
+from visenvs.core.cli import launch
+from visenvs.core.config import Config, override, pick, to_json
+from visenvs.core.files import read_json, write_json
+from visenvs.core.lanes import Task
+from visenvs.core.provenance import provenance
+from visenvs.core.registry import load_task
+
+from .callbacks import Keeper, checkpoint
+from .presets import Algo, Preset, preset_for
+from .shaping import potential_of
+from .vec_env import LaneVecEnv
+
+ALGORITHMS: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC, "td3": TD3, "recurrent_ppo": RecurrentPPO}
+POLICIES = {"recurrent_ppo": "MlpLstmPolicy"}
+TRAINING_SEEDS = 90_000
+VALIDATION_SEEDS = range(90_000, 91_000)
+
+
+@dataclass(frozen=True)
+class Options:
+    """What to train, and where to write it."""
+
+    out: Path
+    """folder for model.zip, card.json, run.json, checkpoint.zip and TensorBoard's tb/"""
+    env: str = "visenvs/Rendezvous-v0"
+    """environment id"""
+    algo: Algo = "ppo"
+    """algorithm"""
+    scenario: str | None = None
+    """preset of the environment; its default if left out"""
+    estimator: str | None = None
+    """the filter in the loop; the scenario's if left out"""
+    steps: int = 3_000_000
+    """environment steps in total"""
+    seed: int = 0
+    """of the network, and of the lanes: lane i flies seed * lanes + i"""
+    lanes: int | None = None
+    """environments side by side; the preset's if left out"""
+    residual: str | None = None
+    """a law that the network corrects, for example osa; a plain network if left out"""
+    residual_scale: float | None = None
+    """how far it may correct, over the longest action; the preset's if left out"""
+    validate_every: int = 250_000
+    """steps between validations and checkpoints"""
+
+
+def train(options: Options) -> None:
+    """Train a policy with stable-baselines3; an interrupted run goes on when the command is given again."""
+    check(options)
+    torch.set_num_threads(1)  # two threads are eight times slower on two cores
+    task = load_task(options.env)
+    scenario = options.scenario or next(iter(task.scenarios))
+    config = pick("scenario", scenario, task.scenarios)
+    if options.estimator is not None:
+        config = override(config, {"estimator": options.estimator})
+    run = open_run(options, task, scenario, config)
+    preset = preset_for(options.env, options.algo)
+    lanes, validation = build_lanes(options, preset, task, config, run["sessions"])
+    model = build_model(options, preset, lanes, run["steps"] > 0)
+    keeper = Keeper(validation, options.validate_every, options.out, run["best"])
+    began, cpu, before = time.time(), time.process_time(), model.num_timesteps
+    finished = False
+    try:
+        model.learn(options.steps - before, callback=keeper, reset_num_timesteps=False, progress_bar=True, tb_log_name="run")
+        keeper.keep()
+        finished = True
+    except KeyboardInterrupt:
+        checkpoint(model, options.out)
+        raise KeyboardInterrupt(f"{model.num_timesteps:,} steps are kept; the same command goes on from there") from None
+    finally:
+        wall, cpu = time.time() - began, time.process_time() - cpu
+        run |= {"steps": model.num_timesteps, "best": keeper.best, "finished": finished}
+        run["sessions"] += 1
+        run["wall_seconds"] += wall
+        run["cpu_seconds"] += cpu
+        run["frames_per_second"] = (model.num_timesteps - before) / max(wall, 1e-9)
+        write_json(options.out / "run.json", run)
+        if keeper.best is not None:
+            write_json(options.out / "card.json", card(options, task, scenario, preset, run))
+    best = keeper.best or {}
+    print(f"best of {run['steps']:,} steps: mean cost {best['cost_mean']:.4g}, success {best['success_rate']:.3f}")
+    print(f"try it: python -m eval.leaderboard --env {options.env} --policies lq,osa,{options.out / 'model.zip'}")
+
+
+def check(options: Options) -> None:
+    """Refuse numbers that make no sense, before anything is built."""
+    if options.steps < 1 or options.validate_every < 1 or (options.lanes is not None and options.lanes < 1):
+        raise ValueError(
+            f"steps, lanes and validate-every must be at least 1, got {options.steps}, {options.lanes}, "
+            f"{options.validate_every}"
+        )
+    if options.seed < 0:
+        raise ValueError(f"the seed must not be negative, got {options.seed}")
+
+
+def open_run(options: Options, task: Task, scenario: str, config: Config) -> dict[str, Any]:
+    """The record of this run: new, or of the interrupted run in the same folder."""
+    path = options.out / "run.json"
+    asked = {k: str(v) if isinstance(v, Path) else v for k, v in asdict(options).items()}
+    if not path.exists():
+        options.out.mkdir(parents=True, exist_ok=True)
+        fresh = {"steps": 0, "sessions": 0, "best": None, "finished": False, "wall_seconds": 0.0, "cpu_seconds": 0.0}
+        made = provenance("train.sb3")
+        run = {"options": asked, "env": task.id, "scenario": scenario, "config": to_json(config), **fresh, **made}
+        write_json(path, run)
+        return run
+    run = read_json(path)
+    other = [k for k, v in asked.items() if run["options"].get(k) != v and k != "out"]
+    if run["finished"] or other:
+        what = f"was started with other {', '.join(other)}" if other else "is finished"
+        raise ValueError(f"the training in {options.out} {what}; write --out {options.out}-2 for a new one")
+    if not (options.out / "checkpoint.zip").exists():
+        run["steps"] = 0
+    return run
+
+
+def build_lanes(
+    options: Options, preset: Preset, task: Task, config: Config, session: int
+) -> tuple[LaneVecEnv, LaneVecEnv]:
+    """Training lanes with shaped rewards, and validation lanes with the bare cost."""
+    count = options.lanes or preset.lanes
+    if count >= TRAINING_SEEDS:
+        raise ValueError(f"there are {TRAINING_SEEDS} training seeds, got {count} lanes")
+    first = (options.seed + 37 * session) * count % (TRAINING_SEEDS - count)
+    residual = None
+    if options.residual is not None:
+        law = registry.load(options.residual, task, config).policy
+        residual = Residual(law, options.residual_scale or preset.residual_scale)
+    lanes = LaneVecEnv(
+        task, config, range(first, first + count), residual, potential_of(task, config), preset.reward_floor
+    )
+    return lanes, LaneVecEnv(task, config, VALIDATION_SEEDS, residual)
+
+
+def build_model(options: Options, preset: Preset, lanes: LaneVecEnv, resume: bool) -> BaseAlgorithm:
+    """A new SB3 model, or the checkpoint's with its replay buffer."""
+    algorithm = ALGORITHMS[options.algo]
+    set_random_seed(options.seed)
+    if resume:
+        model = algorithm.load(options.out / "checkpoint.zip", env=lanes, device="cpu")
+        if (options.out / "replay.pkl").exists():
+            model.load_replay_buffer(options.out / "replay.pkl")  # type: ignore[attr-defined]
+        return model
+    start = preset.model["learning_rate"]
+    settings = preset.model | {"learning_rate": lambda left: start * max(left, 0.05)}
+    return algorithm(
+        POLICIES.get(options.algo, "MlpPolicy"),
+        lanes,
+        policy_kwargs=dict(preset.policy),
+        tensorboard_log=str(options.out / "tb"),
+        device="cpu",
+        **settings,
+    )
+
+
+def card(options: Options, task: Task, scenario: str, preset: Preset, run: dict[str, Any]) -> dict[str, Any]:
+    """What somebody must know of the model: what it flies, how it was made, what it reached."""
+    scale = options.residual_scale or preset.residual_scale
+    best = dict(run["best"])
+    return {
+        "env": task.id,
+        "scenario": scenario,
+        "estimator": run["config"].get("estimator"),
+        "information": "belief",
+        "algo": options.algo,
+        "residual": None if options.residual is None else {"law": options.residual, "scale": scale},
+        "policy": preset.policy,
+        "steps": best.pop("steps"),
+        "reached": best,
+        "seeds": {"training": [0, TRAINING_SEEDS - 1], "validation": [VALIDATION_SEEDS[0], VALIDATION_SEEDS[-1]]},
+        "sha256": digest(options.out / "model.zip"),
+        **{key: run[key] for key in ("command", "versions", "commit", "date")},
+    }
+
+
+if __name__ == "__main__":
+    launch("train.sb3", Options, train)

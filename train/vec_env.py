@@ -1,0 +1,127 @@
+"""Lanes as a stable-baselines3 VecEnv."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from stable_baselines3.common.vec_env import VecEnv
+
+from agents.learned import Residual
+from visenvs.core.config import Config
+from visenvs.core.lanes import Lanes, Task
+from visenvs.core.outcome import SUCCESS
+
+from .shaping import Potential
+
+
+class LaneVecEnv(VecEnv):
+    """Lanes behind SB3's interface, with automatic reset in the same step.
+
+    Args:
+        task, config: what to fly.
+        seeds: one for each lane.
+        residual: adds a law's command to the learned one, or None.
+        potential: shapes the reward as r + potential(after) - potential(before), with 0 at the end of
+            an episode; the return changes only by the potential of the start. None for the bare cost.
+        reward_floor: shaped rewards below this are cut off there, m^2/s^3: one lost target in a
+            thousand episodes costs more than all the others together and would drown what they teach.
+    """
+
+    def __init__(
+        self,
+        task: Task,
+        config: Config,
+        seeds: Sequence[int],
+        residual: Residual | None = None,
+        potential: Potential | None = None,
+        reward_floor: float = -np.inf,
+    ) -> None:
+        count = len(seeds)
+        self.render_mode = None
+        super().__init__(count, task.observation.space, task.action.space)
+        self.lanes = Lanes(task, config, count)
+        self._seeds = list(seeds)
+        self._residual = residual
+        self._potential = potential
+        self._before = np.zeros(count)
+        self._floor = reward_floor
+        self._start = time.time()
+        self._returns = np.zeros(count)
+        self._actions = np.zeros((count, task.action.size), np.float32)
+
+    def reset(self) -> NDArray[np.float32]:
+        """Start the first episode of every lane's seed."""
+        self.lanes.reset(self._seeds)
+        self._returns[:] = 0.0
+        self._remember_potential()
+        return self.lanes.rows.copy()
+
+    def step_async(self, actions: NDArray[np.float32]) -> None:
+        """Keep the actions for `step_wait`."""
+        self._actions = actions
+
+    def step_wait(self) -> tuple[Any, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+        """Advance; lanes that end report their episode and start their next one."""
+        actions = self._actions
+        if self._residual is not None:
+            actions = self._residual.combine(self.lanes.rows, actions)
+        ended = self.lanes.step(actions)
+        self._returns += self.lanes.rewards
+        done = self.lanes.done if ended else np.zeros(self.num_envs, bool)
+        rewards = self.lanes.rewards.copy()
+        if self._potential is not None:
+            after = np.where(done, 0.0, self._potential(self.lanes.records))
+            rewards += after - self._before
+            self._before = after
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        if ended:
+            self._finish(done, infos)
+        return self.lanes.rows.copy(), np.maximum(rewards, self._floor).astype(np.float32), done, infos
+
+    def _finish(self, done: NDArray[np.bool_], infos: list[dict[str, Any]]) -> None:
+        elapsed = round(time.time() - self._start, 6)
+        truncated = self.lanes.truncated
+        for i in np.flatnonzero(done):
+            length = int(self.lanes.records["step"][i])
+            infos[i] = {
+                "terminal_observation": self.lanes.rows[i].copy(),
+                "TimeLimit.truncated": bool(truncated[i]),
+                "episode": {"r": float(self._returns[i]), "l": length, "t": elapsed},
+                "is_success": bool(self.lanes.outcome[i] == SUCCESS),
+            }
+        self._returns[done] = 0.0
+        self.lanes.reset(where=done)
+        self._remember_potential()
+
+    def _remember_potential(self) -> None:
+        if self._potential is not None:
+            self._before = self._potential(self.lanes.records)
+
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """Give lane i the seed `seed + i` at the next reset."""
+        if seed is not None:
+            self._seeds = [seed + i for i in range(self.num_envs)]
+        return list(self._seeds)
+
+    def close(self) -> None:
+        """Nothing to release."""
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """An attribute of this adapter, once for each lane asked for."""
+        return [getattr(self, attr_name) for _ in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Lanes share one configuration, so that no attribute can be set on one of them."""
+        raise AttributeError(f"lanes have no attribute {attr_name!r} of their own; pass it in the configuration")
+
+    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
+        """Lanes have no methods of their own."""
+        raise AttributeError(f"lanes have no method {method_name!r}")
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
+        """No lane is wrapped."""
+        return [False for _ in self._get_indices(indices)]

@@ -1,0 +1,35 @@
+"""What every command line shares: options in, one clear line instead of a traceback."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from typing import NoReturn, TypeVar
+
+Options = TypeVar("Options")
+
+FAILED, INTERRUPTED = 1, 130
+
+
+def launch(program: str, options: type[Options], run: Callable[[Options], None]) -> NoReturn:
+    """Parse the command line into `options`, run, and leave with an exit code.
+
+    A ValueError, OSError, ImportError or Ctrl-C becomes one line on stderr and a code other than 0.
+    """
+    import tyro
+
+    chosen = tyro.cli(options, prog=f"python -m {program}", description=run.__doc__)
+    sys.exit(guarded(lambda: run(chosen)))
+
+
+def guarded(command: Callable[[], None]) -> int:
+    """Exit code of a command: 0, or 1 (error) or 130 (Ctrl-C) with one line on stderr."""
+    try:
+        command()
+    except KeyboardInterrupt as interrupt:
+        print(f"interrupted: {interrupt}" if str(interrupt) else "interrupted", file=sys.stderr)
+        return INTERRUPTED
+    except (ValueError, OSError, ImportError) as error:
+        print("error: " + " ".join(str(error).split()), file=sys.stderr)
+        return FAILED
+    return 0
