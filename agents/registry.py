@@ -75,7 +75,8 @@ def load(spec: str, task: Task, config: Config, trust: bool = False) -> Entry:
     path = Path(spec)
     if path.suffix == ".zip" or path.is_dir():
         model = path / "model.zip" if path.is_dir() else path
-        return _load_model(spec, model, task, config, trust)
+        name = model.parent.name if model.name == "model.zip" else model.stem
+        return _load_model(name or spec, model, task, config, trust)
     if ":" in spec:
         return Entry(spec, _factory(spec)(task, config), "belief", "custom", "user's own")
     known = names(task.id)

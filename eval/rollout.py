@@ -40,7 +40,19 @@ class Rollout:
     decisions: int
 
 
-def rollout(policy: Policy, task: Task, config: Config, seeds: Sequence[int] = PUBLIC_SEEDS) -> Rollout:
+def public_seeds(episodes: int) -> Sequence[int]:
+    """The first public evaluation seeds; training never sees them."""
+    if not 1 <= episodes <= len(PUBLIC_SEEDS):
+        raise ValueError(
+            f"--episodes must be from 1 to {len(PUBLIC_SEEDS)}, got {episodes}: "
+            f"there are {len(PUBLIC_SEEDS)} public seeds, {PUBLIC_SEEDS[0]} to {PUBLIC_SEEDS[-1]}"
+        )
+    return PUBLIC_SEEDS[:episodes]
+
+
+def rollout(
+    policy: Policy, task: Task, config: Config, seeds: Sequence[int] = PUBLIC_SEEDS
+) -> Rollout:
     """Each seed once: a lane for each seed, none begun twice, so short episodes win no seats."""
     if not len(seeds):
         raise ValueError("a rollout needs at least one seed")
@@ -74,4 +86,6 @@ def _fly(policy: Policy, task: Task, config: Config, seeds: Sequence[int]) -> Ro
         returns += lanes.rewards
         start = np.zeros(lanes.count, bool)
     steps = lanes.records["step"].astype(np.int64)
-    return Rollout(np.asarray(seeds, np.int64), lanes.records.copy(), returns, steps, seconds, decisions)
+    return Rollout(
+        np.asarray(seeds, np.int64), lanes.records.copy(), returns, steps, seconds, decisions
+    )

@@ -24,15 +24,16 @@ class Config(Protocol):
 
 
 C = TypeVar("C", bound=Config)
+T = TypeVar("T")
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """`; did you mean 'x'?` for the closest known name, or an empty string."""
+    """`; did you mean 'x'?` for the closest known name, or a full stop."""
     close = difflib.get_close_matches(name, list(known), n=1, cutoff=0.5)
-    return f"; did you mean {close[0]!r}?" if close else ""
+    return f"; did you mean {close[0]!r}?" if close else "."
 
 
-def pick(kind: str, name: str, known: Mapping[str, C]) -> C:
+def pick(kind: str, name: str, known: Mapping[str, T]) -> T:
     """The entry called `name`, or a ValueError that lists what there is."""
     if name not in known:
         raise ValueError(f"unknown {kind} {name!r}{nearest(name, known)} Known: {', '.join(known)}")

@@ -10,16 +10,18 @@ import math
 
 from visenvs.core.compile import kernel
 
+TINY = 1e-100  # a length with no direction
+
 
 @kernel
 def wrap_angle(angle):
-    """The same angle in [-pi, pi), rad."""
+    """The same angle in [-pi, pi], rad."""
     return (angle + math.pi) % (2.0 * math.pi) - math.pi
 
 
 @kernel
 def direction(azimuth, elevation):
-    """Unit vector in N at an azimuth (rad, clockwise from north) and an elevation (rad, up positive)."""
+    """Unit vector in N at an azimuth (clockwise from north) and an elevation (up positive), rad."""
     c = math.cos(elevation)
     return c * math.cos(azimuth), c * math.sin(azimuth), -math.sin(elevation)
 
@@ -29,23 +31,20 @@ def camera_towards(r, C):
     """Write the attitude of a gimballed camera that looks along `r` with a level horizon.
 
     Args:
-        r: where to look, relative to the camera, in N, shape (3,). Straight up or down, and the zero
-            vector, keep the horizon axis east.
+        r: where to look, relative to the camera, in N, shape (3,). Straight up or down, and the
+            zero vector, keep the horizon axis east.
         C: the direction cosine matrix C_CN is written here, shape (3, 3).
     """
     flat = math.sqrt(r[0] * r[0] + r[1] * r[1])
     length = math.sqrt(flat * flat + r[2] * r[2])
-    if length == 0.0:
-        x, y, z = 1.0, 0.0, 0.0
-    else:
-        x, y, z = r[0] / length, r[1] / length, r[2] / length
-    if flat < 1e-12:
-        east, north = 1.0, 0.0
-    else:
-        east, north = r[0] / flat, -r[1] / flat
-    C[0, 0], C[0, 1], C[0, 2] = x, y, z
-    C[1, 0], C[1, 1], C[1, 2] = north, east, 0.0
-    C[2, 0], C[2, 1], C[2, 2] = -z * east, z * north, x * east - y * north
+    north, east, level, steep = 1.0, 0.0, 1.0, 0.0
+    if flat > TINY:
+        north, east = r[0] / flat, r[1] / flat
+    if length > TINY:
+        level, steep = flat / length, r[2] / length
+    C[0, 0], C[0, 1], C[0, 2] = level * north, level * east, steep
+    C[1, 0], C[1, 1], C[1, 2] = -east, north, 0.0
+    C[2, 0], C[2, 1], C[2, 2] = -steep * north, -steep * east, level
 
 
 @kernel

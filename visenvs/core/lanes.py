@@ -1,7 +1,7 @@
 """Lanes: many copies of one task in one structured array, and the loop that advances them.
 
-A task gives two compiled loops over its own lane kernels (reset and step). What every task shares is
-typed here once: seeds and episodes, time limits, divergence, reward, observation rows.
+A task gives two compiled loops over its own lane kernels (reset and step). What every task shares
+is typed here once: seeds and episodes, time limits, divergence, reward, observation rows.
 """
 
 from __future__ import annotations
@@ -18,13 +18,15 @@ from visenvs.core.compile import kernel
 from visenvs.core.config import Config, to_record
 from visenvs.core.layout import Layout, Row, Values, float_slots
 from visenvs.core.outcome import DIVERGED, RUNNING, TIME_LIMIT, Outcome
+from visenvs.core.registry import load_task
 
 HEADER = [("seed", "u8"), ("episode", "i8"), ("step", "i8"), ("outcome", "i8")]
+FLOAT32 = np.dtype(np.float32)
 ROUNDING = 1e-6  # how far outside its box an action may lie
 
 
 def lane_dtype(columns: list[Any]) -> np.dtype[Any]:
-    """The record of one lane: the shared header, then a task's own columns (f8 or i8, any shape)."""
+    """The record of one lane: the shared header, then a task's own columns (f8, i8, any shape)."""
     return np.dtype(HEADER + columns)
 
 
@@ -43,7 +45,7 @@ class Task:
         reset_lanes: compiled (lanes, config) -> None; starts every lane
             given, zeroed but for its seed and episode.
         step_lanes: compiled (lanes, actions, config) -> None; advances every lane that is running.
-        max_steps: number of steps after which a running lane is cut off, from the config; 0 for never.
+        max_steps: from the config, after how many steps a running lane is cut off; 0 for never.
         picture: "module:function" that draws one lane record, imported when a frame is asked for.
     """
 
@@ -68,6 +70,8 @@ class Lanes:
         records: the whole state, one record per lane; read it by field name.
         rows: float32 observation of every lane, shape (count, observation.size).
         rewards: of the last step, shape (count,).
+        terms: minus the cost terms of the last step, whose sums are the rewards, shape
+            (count, len(task.costs)).
     """
 
     def __init__(self, task: Task, config: Config, count: int) -> None:
@@ -78,6 +82,8 @@ class Lanes:
         self.records: NDArray[Any] = np.zeros(count, task.lane)
         self.rows: Row = np.zeros((count, task.observation.size), np.float32)
         self.rewards: Values = np.zeros(count)
+        self.terms: Values = np.zeros((count, len(task.costs)))
+        self._shape = (count, task.action.size)
         self._floats = as_floats(self.records)
         self._record = to_record(config)
         self._max_steps = task.max_steps(config)
@@ -132,19 +138,21 @@ class Lanes:
             actions: rows of the action layout in [-1, 1], float32, shape (count, action.size).
 
         Raises:
-            ValueError: an action of a running lane is not finite or outside its box, or the shape is
-                wrong; no lane has been touched then.
+            ValueError: an action of a running lane is not finite or outside its box, or the shape
+                is wrong; no lane has been touched then.
         """
-        if actions.shape != (self.count, self.task.action.size) or actions.dtype != np.float32:
+        if actions.shape != self._shape or actions.dtype != FLOAT32 or not actions.flags.carray:
             actions = self._shaped(actions)
         bad = begin(self.records, self._floats, self._costs, actions)
         if bad >= 0:
             raise ValueError(
-                f"action of lane {bad} must be finite and within [-1, 1], got {actions[bad].tolist()}; "
-                "write `action = env.action_space.sample()` or clip with `numpy.clip(action, -1, 1)`"
+                f"action of lane {bad} must be finite and within [-1, 1], "
+                f"got {actions[bad].tolist()}; write `numpy.clip(action, -1, 1)`"
             )
         self.task.step_lanes(self.records, actions, self._record)
-        return settle(self.records, self._floats, self._costs, self._slots, self._max_steps, self.rewards, self.rows)
+        floats, costs, slots, limit = self._floats, self._costs, self._slots, self._max_steps
+        terms, rewards, rows = self.terms, self.rewards, self.rows
+        return settle(self.records, floats, costs, slots, limit, terms, rewards, rows)
 
     def results(self, lane: int) -> dict[str, Any]:
         """Outcome and metrics of one lane, SI."""
@@ -163,14 +171,28 @@ class Lanes:
         self.records[:] = snapshot
         write_rows(self._floats, self._slots, self.rows)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copies and pickles name their task, so that no compiled code is in them."""
+        return _revive, (self.task.id, self.config, self.records, self.rewards, self.terms)
+
     def _shaped(self, actions: ArrayLike) -> Row:
-        array = np.asarray(actions, np.float32)
-        if array.shape != (self.count, self.task.action.size):
+        with np.errstate(over="ignore"):
+            array = np.array(actions, np.float32, order="C")
+        if array.shape != self._shape:
             raise ValueError(
-                f"actions must have shape {(self.count, self.task.action.size)}, got {array.shape}: "
+                f"actions must have shape {self._shape}, got {array.shape}: "
                 f"{self.task.id} takes {', '.join(self.task.action.names)}"
             )
         return array
+
+
+def _revive(
+    env_id: str, config: Config, records: NDArray[Any], rewards: Values, terms: Values
+) -> Lanes:
+    lanes = Lanes(load_task(env_id), config, len(records))
+    lanes.restore(records)
+    lanes.rewards[:], lanes.terms[:] = rewards, terms
+    return lanes
 
 
 def as_floats(lanes: NDArray[Any]) -> Values:
@@ -180,10 +202,18 @@ def as_floats(lanes: NDArray[Any]) -> Values:
 
 def checked_seeds(seeds: ArrayLike, count: int) -> NDArray[np.uint64]:
     """`count` seeds as uint64, or a ValueError."""
-    array = np.asarray(seeds)
-    if array.shape != (count,) or array.dtype.kind not in "iu" or (array < 0).any():
-        raise ValueError(f"expected {count} non-negative integer seeds, got {seeds!r}")
+    array = np.asarray(seeds, object)
+    if array.shape != (count,) or not all(_is_seed(seed) for seed in array):
+        raise ValueError(
+            f"expected {count} integer seeds from 0 to 2**64 - 1, got {seeds!r}; "
+            f"write `lanes.reset(range({count}))`"
+        )
     return array.astype(np.uint64)
+
+
+def _is_seed(value: Any) -> bool:
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    return whole and 0 <= int(value) < 2**64
 
 
 @kernel
@@ -208,14 +238,15 @@ def begin(lanes, floats, costs, actions):
 
 
 @kernel
-def settle(lanes, floats, costs, slots, max_steps, rewards, rows):
+def settle(lanes, floats, costs, slots, max_steps, terms, rewards, rows):
     """Finish a step: rewards, divergence, time limit, rows. Returns how many lanes have ended."""
     ended = 0
     for i in range(lanes.shape[0]):
         lane = lanes[i]
         reward = 0.0
         for j in range(costs.shape[0]):
-            reward -= floats[i, costs[j]]
+            terms[i, j] = 0.0 - floats[i, costs[j]]
+            reward += terms[i, j]
         finite = reward
         for j in range(slots.shape[0]):
             finite += 0.0 * floats[i, slots[j]["source"]]
@@ -224,6 +255,7 @@ def settle(lanes, floats, costs, slots, max_steps, rewards, rows):
             reward = 0.0
             for j in range(costs.shape[0]):
                 floats[i, costs[j]] = 0.0
+                terms[i, j] = 0.0
         elif lane["outcome"] == RUNNING and max_steps > 0 and lane["step"] >= max_steps:
             lane["outcome"] = TIME_LIMIT
         rewards[i] = reward
@@ -234,7 +266,7 @@ def settle(lanes, floats, costs, slots, max_steps, rewards, rows):
 
 @kernel
 def write_rows(floats, slots, rows):
-    """Observation rows from lane records seen as float64 (n, k): clipped, scaled, 0 where not finite."""
+    """Rows from lane records seen as float64 (n, k): clipped, scaled, 0 where not finite."""
     for i in range(rows.shape[0]):
         for j in range(slots.shape[0]):
             slot = slots[j]

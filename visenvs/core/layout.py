@@ -46,7 +46,12 @@ class Field:
 
     def __post_init__(self) -> None:
         bounds = (self.low, self.high, self.scale)
-        if self.size < 1 or not np.isfinite(bounds).all() or self.scale <= 0 or self.low >= self.high:
+        if (
+            self.size < 1
+            or not np.isfinite(bounds).all()
+            or self.scale <= 0
+            or self.low >= self.high
+        ):
             raise ValueError(
                 f"field {self.name!r}: needs size >= 1, finite low < high and scale > 0, "
                 f"got size={self.size}, low={self.low}, high={self.high}, scale={self.scale}"
@@ -83,30 +88,35 @@ class Layout:
     @cached_property
     def dtype(self) -> np.dtype[Any]:
         """A record of SI values with the fields' names."""
-        return np.dtype([(f.name, "f8", (f.size,)) if f.size > 1 else (f.name, "f8") for f in self.fields])
+        return np.dtype(
+            [(f.name, "f8", (f.size,)) if f.size > 1 else (f.name, "f8") for f in self.fields]
+        )
 
     @cached_property
     def space(self) -> gym.spaces.Box:
         """The finite Box that every row lies in."""
-        low = (self._spread("low") / self.scale).astype(np.float32)
-        high = (self._spread("high") / self.scale).astype(np.float32)
+        low = (self._spread("low") * self._gain).astype(np.float32)
+        high = (self._spread("high") * self._gain).astype(np.float32)
         return gym.spaces.Box(low, high, dtype=np.float32)
 
     def pack(self, values: Mapping[str, ArrayLike]) -> Row:
-        """Row or rows of SI values by name; leading dimensions are kept, values are clipped."""
-        missing = set(self.names) ^ set(values)
-        if missing:
-            raise ValueError(f"values by name must be exactly {list(self.names)}; differs in {sorted(missing)}")
-        parts = [_columns(values[f.name], f.size) for f in self.fields]
-        si = np.concatenate(np.broadcast_arrays(*parts) if self._all_single else parts, axis=-1)
-        return (np.clip(si, self._spread("low"), self._spread("high")) / self.scale).astype(np.float32)
+        """Row or rows of SI values by name, clipped to the bounds: the inverse of `unpack`."""
+        odd = sorted(set(self.names) ^ set(values))
+        if odd:
+            raise ValueError(f"values by name must be exactly {list(self.names)}; differs in {odd}")
+        si = np.concatenate([_columns(field, values[field.name]) for field in self.fields], axis=-1)
+        return (np.clip(si, self._spread("low"), self._spread("high")) * self._gain).astype(
+            np.float32
+        )
 
     def unpack(self, row: ArrayLike) -> dict[str, Values]:
-        """SI values by name of a row or rows (leading dimensions are kept; size-1 fields are scalars)."""
+        """SI values by name of a row or rows: leading dimensions kept, size-1 fields scalar."""
         si = self._si(row)
         out: dict[str, Values] = {}
         for field, start in zip(self.fields, self._starts, strict=True):
-            out[field.name] = si[..., start] if field.size == 1 else si[..., start : start + field.size]
+            out[field.name] = (
+                si[..., start] if field.size == 1 else si[..., start : start + field.size]
+            )
         return out
 
     def records(self, rows: ArrayLike) -> NDArray[Any]:
@@ -114,57 +124,69 @@ class Layout:
         return np.ascontiguousarray(self._si(rows)).view(self.dtype).reshape(-1)
 
     def slots(self, record: np.dtype[Any]) -> NDArray[Any]:
-        """Where each number of the row sits in a lane record (in units of 8 bytes), with its bounds."""
+        """Where each number of the row sits in a lane record (in 8 bytes), with its bounds."""
         out = np.zeros(self.size, SLOT)
         out["source"] = float_slots(record, self.names)
-        out["low"], out["high"], out["gain"] = self._spread("low"), self._spread("high"), 1.0 / self.scale
+        out["low"], out["high"], out["gain"] = self._spread("low"), self._spread("high"), self._gain
         return out
 
     def table(self) -> str:
         """The fields as a Markdown table."""
-        lines = ["| field | size | unit | frame | range | 1 in the row is | what |", "|---|---|---|---|---|---|---|"]
+        lines = [
+            "| field | size | unit | frame | range | 1 in the row is | what |",
+            "|---|---|---|---|---|---|---|",
+        ]
         for f in self.fields:
             lines.append(
-                f"| `{f.name}` | {f.size} | {f.unit or '-'} | {f.frame or '-'} | {f.low:g} to {f.high:g} "
-                f"| {f.scale:g} | {f.doc} |"
+                f"| `{f.name}` | {f.size} | {f.unit or '-'} | {f.frame or '-'} "
+                f"| {f.low:g} to {f.high:g} | {f.scale:g} | {f.doc} |"
             )
         return "\n".join(lines)
+
+    @cached_property
+    def _gain(self) -> Values:
+        return 1.0 / self.scale
 
     @cached_property
     def _starts(self) -> list[int]:
         return [0, *np.cumsum([field.size for field in self.fields])[:-1].tolist()]
 
-    @cached_property
-    def _all_single(self) -> bool:
-        return all(field.size == 1 for field in self.fields)
-
     def _spread(self, key: str) -> Values:
-        return np.repeat([getattr(f, key) for f in self.fields], [f.size for f in self.fields]).astype(float)
+        return np.repeat(
+            [getattr(f, key) for f in self.fields], [f.size for f in self.fields]
+        ).astype(float)
 
     def _si(self, rows: ArrayLike) -> Values:
         array = np.asarray(rows, dtype=np.float64)
         if array.shape[-1:] != (self.size,):
-            raise ValueError(f"a row of this layout has {self.size} numbers, got shape {array.shape}")
+            raise ValueError(
+                f"a row of this layout has {self.size} numbers, got shape {array.shape}"
+            )
         return array * self.scale
 
 
 def float_slots(record: np.dtype[Any], names: Sequence[str]) -> NDArray[np.int64]:
     """Positions, in units of 8 bytes, of the named float64 fields of a lane record, in order."""
+    places: dict[str, Any] = {name: entry[:2] for name, entry in (record.fields or {}).items()}
     out: list[int] = []
     for name in names:
-        if record.fields is None or name not in record.fields:
-            raise ValueError(f"the lane record has no field {name!r}; it has {list(record.names or ())}")
-        dtype, offset = record.fields[name][:2]
+        if name not in places:
+            raise ValueError(f"the lane record has no field {name!r}; it has {list(places)}")
+        dtype, offset = places[name]
         if dtype.base != np.dtype("f8") or offset % 8:
-            raise ValueError(f"field {name!r} of the lane record must be aligned float64, is {dtype} at {offset}")
+            raise ValueError(
+                f"field {name!r} of the lane record must be aligned float64, is {dtype} at {offset}"
+            )
         out.extend(offset // 8 + i for i in range(dtype.itemsize // 8))
     return np.array(out, dtype=np.int64)
 
 
-def _columns(value: ArrayLike, size: int) -> Values:
+def _columns(field: Field, value: ArrayLike) -> Values:
     array = np.asarray(value, dtype=np.float64)
-    if size == 1 and array.shape[-1:] != (1,):
-        array = array[..., None]
-    if array.shape[-1:] != (size,):
-        raise ValueError(f"expected {size} numbers in the last dimension, got shape {array.shape}")
+    if field.size == 1:
+        return array[..., None]
+    if array.shape[-1:] != (field.size,):
+        raise ValueError(
+            f"{field.name}: expected {field.size} numbers at the end, got shape {array.shape}"
+        )
     return array

@@ -1,8 +1,9 @@
 """Counter-based randomness: every draw is a pure function of where it is used.
 
-A draw is named by (seed, episode, stream, step, k): the lane's seed, its episode since that seed was
-given, which noise source, which time step, and which of several draws. No generator state exists, so
-a result cannot depend on how many lanes run beside it, and adding a noise source shifts no other.
+A draw is named by (seed, episode, stream, step, k): the lane's seed, its episode since that seed
+was given, which noise source, which time step, and which of several draws. No generator state
+exists, so a result cannot depend on how many lanes run beside it, and adding a noise source shifts
+no other.
 
 The bits are Philox4x32-10 (Salmon et al. 2011, "Parallel random numbers: as easy as 1, 2, 3").
 """
@@ -21,13 +22,13 @@ _M0 = np.uint64(0xD2511F53)
 _M1 = np.uint64(0xCD9E8D57)
 _W0 = np.uint64(0x9E3779B9)
 _W1 = np.uint64(0xBB67AE85)
-_SHIFT53 = np.uint64(11)
-_TO_UNIT = 1.0 / 9007199254740992.0  # 2^-53
+_KEEP_52 = np.uint64(12)
+_TO_UNIT = 1.0 / 4503599627370496.0  # 2^-52
 
 
 @kernel
 def philox(c0, c1, c2, c3, k0, k1):
-    """Philox4x32-10: four 32-bit counter words and two key words (as uint64) to four 32-bit words."""
+    """Philox4x32-10: four 32-bit counter words and two key words (as uint64) to four words."""
     for _ in range(10):
         p0 = _M0 * c0
         p1 = _M1 * c2
@@ -38,6 +39,12 @@ def philox(c0, c1, c2, c3, k0, k1):
         k0 = (k0 + _W0) & _MASK
         k1 = (k1 + _W1) & _MASK
     return c0, c1, c2, c3
+
+
+@kernel
+def unit(high, low):
+    """Two 32-bit words (as uint64) to the middle of one of 2^52 equal cells of (0, 1), exactly."""
+    return (float(((high << _HALF) | low) >> _KEEP_52) + 0.5) * _TO_UNIT
 
 
 @kernel
@@ -52,9 +59,7 @@ def uniform_pair(seed, episode, stream, step, k):
         key & _MASK,
         key >> _HALF,
     )
-    u0 = (float(((w0 << _HALF) | w1) >> _SHIFT53) + 0.5) * _TO_UNIT
-    u1 = (float(((w2 << _HALF) | w3) >> _SHIFT53) + 0.5) * _TO_UNIT
-    return u0, u1
+    return unit(w0, w1), unit(w2, w3)
 
 
 @kernel

@@ -11,7 +11,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-PACKAGES = ("visenvs", "gymnasium", "numpy", "scipy", "numba", "torch", "stable-baselines3", "sb3-contrib")
+PACKAGES = ("gymnasium", "numpy", "scipy", "numba", "torch", "stable-baselines3", "sb3-contrib")
 CHECKOUT = Path(__file__).resolve().parents[2]
 
 
@@ -26,8 +26,10 @@ def provenance(program: str) -> dict[str, Any]:
 
 
 def versions() -> dict[str, str]:
-    """Versions of Python and of the packages that decide the figures, if installed."""
-    found = {"python": platform.python_version()}
+    """Versions of Python, visenvs and the packages that decide the figures, if installed."""
+    import visenvs
+
+    found = {"python": platform.python_version(), "visenvs": visenvs.__version__}
     for name in PACKAGES:
         try:
             found[name] = version(name)

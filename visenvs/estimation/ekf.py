@@ -83,12 +83,13 @@ def update_sequential(x, P, H, residual, variance, x_linear, work):
 
 @kernel
 def update_vector(x, P, H, residual, R, gate, B, factor):
-    """Update with m measurements of correlated noise R (m, m), in place; returns the NIS (2.17)-(2.19).
+    """Update with m measurements of correlated noise R (m, m), in place; returns the NIS.
 
-    With the Cholesky factor L of S = H P H' + R and B = P H' L'^-1: x += B L^-1 residual, P -= B B'.
+    This is (2.17)-(2.19) with the Cholesky factor L of S = H P H' + R and B = P H' L'^-1:
+    x += B L^-1 residual, P -= B B'.
 
     Args:
-        residual: shape (m,); replaced by the whitened innovation L^-1 residual, whose square is the NIS.
+        residual: shape (m,); replaced by the whitened innovation L^-1 residual.
         gate: the update is left out where the NIS exceeds gate^2; 0 for no gate.
         B: scratch, (n, m).
         factor: scratch, (m (m + 1) / 2,); holds the packed L on return.
@@ -158,9 +159,9 @@ def factorise(packed, n):
 
 @kernel
 def whiten(factor, error, out):
-    """Solve L out = error for a packed L; returns |out|^2, that is NEES or NIS (0 where L is singular).
+    """Solve L out = error for a packed L; returns |out|^2, that is NEES or NIS.
 
-    `out` may be `error` itself.
+    Directions of a zero pivot carry no information and count as zero. `out` may be `error` itself.
     """
     square = 0.0
     row = 0
@@ -169,9 +170,7 @@ def whiten(factor, error, out):
         for k in range(i):
             total -= factor[row + k] * out[k]
         pivot = factor[row + i]
-        if pivot == 0.0:
-            return 0.0
-        out[i] = total / pivot
+        out[i] = total / pivot if pivot > 0.0 else 0.0
         square += out[i] * out[i]
         row += i + 1
     return square

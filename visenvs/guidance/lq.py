@@ -42,6 +42,17 @@ def command(X, V, T, s_x, s_v, a):
 
 
 @kernel
+def cost_to_go(X, V, T, s_x, s_v):
+    """Least cost still to pay with perfect information and no limit on acceleration (4.10), m^2/s^3."""
+    m11, m12, m22 = terminal_weight(T, s_x, s_v)
+    cost = 0.0
+    for i in range(3):
+        miss = X[i] - T * V[i]  # where no further control would leave us
+        cost += 0.5 * (m11 * miss * miss - 2.0 * m12 * miss * V[i] + m22 * V[i] * V[i])
+    return cost
+
+
+@kernel
 def decide(beliefs, settings, commands):
     """The law for a batch of beliefs."""
     for i in range(beliefs.shape[0]):

@@ -1,0 +1,169 @@
+"""Which policies fly where: loaded and checked before anything flies, then flown one by one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, get_args
+
+from agents import registry
+from agents.policy import NotApplicable
+from visenvs.core.config import Config, field_types, override, pick, to_json
+from visenvs.core.lanes import Task
+from visenvs.core.registry import laws, load_task
+
+from . import results
+from .board import TRUTH
+from .metrics import measure
+from .rollout import rollout
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """One policy in one scenario.
+
+    Attributes:
+        policy: as typed.
+        entry: the loaded policy, or None if it cannot fly here; `reason` then says why.
+        told_truth: whether the truth stands in for the scenario's estimator.
+    """
+
+    task: Task
+    scenario: str
+    config: Config
+    policy: str
+    entry: registry.Entry | None
+    reason: str = ""
+    told_truth: bool = False
+
+    @property
+    def estimator(self) -> str:
+        """Name of the estimator in the loop."""
+        return getattr(self.config, "estimator", "none")
+
+    @property
+    def perception(self) -> str:
+        """How pictures become measurements; points unless the environment says otherwise."""
+        return getattr(self.config, "perception", "points")
+
+    def __str__(self) -> str:
+        return f"{self.policy} ({self.estimator})"
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One scenario of one environment and who flies in it; the reference is among them."""
+
+    task: Task
+    scenario: str
+    reference: str
+    jobs: tuple[Job, ...]
+
+
+def plan_scene(
+    env: str,
+    scenario: str | None,
+    estimator: str | None,
+    policies: Sequence[str] | None,
+    reference: str,
+    trust: bool = False,
+) -> Scene:
+    """Load every policy of a scene; a ValueError tells what is unknown or broken.
+
+    Args:
+        env: Gymnasium id.
+        scenario: named preset, None for the first.
+        estimator: of every policy; None for the scenario's own, and the laws once more on truth.
+        policies: names, model files or `module:factory`; None for those that ship.
+        reference: the policy to compare with; flown too if it is not among the others.
+        trust: whether code in model files may run.
+    """
+    task = load_task(env)
+    scenario = scenario or next(iter(task.scenarios))
+    config = pick(f"scenario of {env}", scenario, task.scenarios)
+    if estimator is not None:
+        config = override(config, {"estimator": estimator})
+    specs = dict.fromkeys([*(registry.names(env) if policies is None else policies), reference])
+    jobs = [_job(task, scenario, config, spec, trust) for spec in specs]
+    if estimator is None and _can_be_told_truth(config):
+        told = override(config, {"estimator": TRUTH})
+        able = [job.policy for job in jobs if job.entry is not None and job.policy in laws()]
+        jobs += [_job(task, scenario, told, spec, trust, told_truth=True) for spec in able]
+    return Scene(task, scenario, reference, tuple(jobs))
+
+
+def fly(
+    jobs: Sequence[Job],
+    seeds: Sequence[int],
+    folder: Path,
+    made: dict[str, Any],
+    progress: Callable[[Job], None],
+) -> dict[Job, Path]:
+    """Fly every job that can, and save each result as soon as it is there.
+
+    Args:
+        progress: called with each job before it starts.
+
+    Returns:
+        The file of each job that flew.
+
+    Raises:
+        KeyboardInterrupt: with a message that says what is finished and what is missing.
+    """
+    able = [job for job in jobs if job.entry is not None]
+    files: dict[Job, Path] = {}
+    try:
+        for job in able:
+            progress(job)
+            files[job] = results.save(_flown(job, seeds), folder, made)
+    except KeyboardInterrupt:
+        missing = ", ".join(str(job) for job in able if job not in files)
+        raise KeyboardInterrupt(
+            f"{len(files)} of {len(able)} finished, kept in {folder}; missing: {missing}"
+        ) from None
+    return files
+
+
+def _job(
+    task: Task, scenario: str, config: Config, spec: str, trust: bool, told_truth: bool = False
+) -> Job:
+    try:
+        entry = registry.load(spec, task, config, trust=trust)
+    except NotApplicable as reason:
+        return Job(task, scenario, config, spec, None, str(reason), told_truth)
+    except (ValueError, OSError, ImportError):
+        raise
+    except Exception as error:  # a factory of the user's own
+        raise ValueError(
+            f"policy {spec!r} cannot be made: {type(error).__name__}: {error}"
+        ) from error
+    return Job(task, scenario, config, spec, entry, told_truth=told_truth)
+
+
+def _can_be_told_truth(config: Config) -> bool:
+    choices = get_args(field_types(type(config)).get("estimator"))
+    return TRUTH in choices and getattr(config, "estimator", TRUTH) != TRUTH
+
+
+def _flown(job: Job, seeds: Sequence[int]) -> results.Result:
+    assert job.entry is not None
+    try:
+        flown = rollout(job.entry.policy, job.task, job.config, seeds)
+    except ValueError as error:
+        raise ValueError(f"policy {job.policy!r} on {job.task.id}: {error}") from error
+    information = job.entry.information
+    return results.Result(
+        env=job.task.id,
+        scenario=job.scenario,
+        estimator=job.estimator,
+        perception=job.perception,
+        policy=job.policy,
+        label=f"{job.entry.name} ({TRUTH})" if job.told_truth else job.entry.name,
+        summary=job.entry.summary,
+        information=TRUTH if information == "belief" and job.estimator == TRUTH else information,
+        config=to_json(job.config),
+        units=dict(job.task.metrics),
+        us_per_decision=1e6 * flown.decision_seconds / flown.decisions if flown.decisions else None,
+        episodes=measure(flown, job.task),
+    )

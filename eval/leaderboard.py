@@ -1,0 +1,147 @@
+"""`python -m eval.leaderboard`: laws and learned policies, flown on the same public seeds.
+
+Every policy meets the same targets, noise and dropouts, so that differences are paired by seed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import Progress
+
+from visenvs.core.cli import launch
+from visenvs.core.files import check_writable, write_json, write_text
+from visenvs.core.registry import environment_files
+
+from . import page, results, tables
+from .board import Board, Row, make_board, missing_row, result_row
+from .jobs import Job, Scene, fly, plan_scene
+from .rollout import PUBLIC_SEEDS, public_seeds
+
+PROGRAM = "eval.leaderboard"
+BLOCK = "leaderboard"  # the marker in Markdown files
+PIPED = 220  # columns where the output is not a terminal
+
+
+@dataclass(frozen=True)
+class Options:
+    """What to fly, how often, and where to write it."""
+
+    env: str | None = None
+    """Gymnasium id; every registered environment if not given."""
+    scenario: str | None = None
+    """Named preset; the environment's first if not given."""
+    policies: str | None = None
+    """Names, model files or module:factory, separated by commas; the shipped ones if not given."""
+    episodes: int = len(PUBLIC_SEEDS)
+    """How many of the public seeds to fly, from the first on."""
+    estimator: str | None = None
+    """Estimator of every policy; if not given, the scenario's, and the laws again on the truth."""
+    reference: str = "lq"
+    """Policy that the others are compared with."""
+    json: Path | None = None
+    """Write the rows here."""
+    html: Path | None = None
+    """Write a page with the table and plots here: one file that needs no network."""
+    markdown: Path | None = None
+    """Replace the block between <!-- leaderboard --> and <!-- /leaderboard --> in this file."""
+    trust: bool = False
+    """Run code that comes with a model file. Only for files that you made yourself."""
+
+
+def run(options: Options) -> None:
+    """Fly guidance laws and learned policies on the same public seeds, and compare them."""
+    seeds = public_seeds(options.episodes)
+    names = None if options.policies is None else _split(options.policies)
+    _check_outputs(options)
+    scenes = [
+        plan_scene(
+            env, options.scenario, options.estimator, names, options.reference, options.trust
+        )
+        for env in ([options.env] if options.env else environment_files())
+    ]
+    made = results.meta(PROGRAM, seeds)
+    boards = make_boards(scenes, seeds, made)
+    written = _write(options, boards, made)
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=PIPED)
+    for board in boards:
+        tables.show(board, console)
+    for path in written:
+        console.print(f"written: {path}", soft_wrap=True, highlight=False)
+
+
+def make_boards(scenes: Sequence[Scene], seeds: Sequence[int], made: dict[str, Any]) -> list[Board]:
+    """Fly all scenes, keep one file for each policy, and build the boards from those files."""
+    jobs = [job for scene in scenes for job in scene.jobs]
+    screen = Console(stderr=True)
+    with Progress(console=screen, transient=True, disable=not screen.is_terminal) as progress:
+        bar = progress.add_task("", total=2 * sum(job.entry is not None for job in jobs))
+
+        def flying(job: Job) -> None:
+            progress.update(bar, description=f"flying {job}", advance=1)
+
+        def counting(job: Job) -> None:
+            progress.update(bar, description=f"statistics of {job}", advance=1)
+
+        files = fly(jobs, seeds, results.RESULTS, made, flying)
+        return [_board(scene, files, counting) for scene in scenes]
+
+
+def _board(scene: Scene, files: dict[Job, Path], progress: Any) -> Board:
+    flown = {job: results.load(files[job]) for job in scene.jobs if job in files}
+    reference = next(
+        (result for result in flown.values() if result.policy == scene.reference), None
+    )
+    lines: list[tuple[Row, results.Result | None]] = []
+    for job in scene.jobs:
+        if job in flown:
+            progress(job)
+            lines.append((result_row(flown[job], reference), flown[job]))
+        else:
+            row = missing_row(
+                scene.task.id, scene.scenario, job.estimator, job.perception, job.policy, job.reason
+            )
+            lines.append((row, None))
+    return make_board(scene.task, scene.scenario, lines)
+
+
+def _split(policies: str) -> list[str]:
+    names = [name.strip() for name in policies.split(",")]
+    if not all(names):
+        raise ValueError(
+            f"--policies expects names with single commas between them, got {policies!r}: "
+            "write `--policies lq,osa`"
+        )
+    return names
+
+
+def _check_outputs(options: Options) -> None:
+    """Fail on outputs that cannot be written before the long work starts."""
+    results.RESULTS.mkdir(parents=True, exist_ok=True)
+    for path in (results.RESULTS / "trial.json", options.json, options.html, options.markdown):
+        if path is not None:
+            check_writable(path)
+    if options.markdown is not None:
+        results.replace_block(options.markdown, BLOCK, None)
+
+
+def _write(options: Options, boards: Sequence[Board], made: dict[str, Any]) -> list[Path]:
+    if options.json is not None:
+        rows = [row for board in boards for row in board.rows]
+        write_json(options.json, {"rows": rows, "meta": made})
+    if options.html is not None:
+        write_text(options.html, page.render(boards, made))
+    if options.markdown is not None:
+        block = "\n\n".join(tables.markdown(board, made) for board in boards)
+        results.replace_block(options.markdown, BLOCK, block)
+    return [path for path in (options.json, options.html, options.markdown) if path is not None]
+
+
+if __name__ == "__main__":
+    launch(PROGRAM, Options, run)

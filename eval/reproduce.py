@@ -1,0 +1,71 @@
+"""The papers' figures beside ours: `python -m eval.reproduce [CASE ...] [--episodes N] [--json FILE]`."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich.console import Console
+from rich.progress import track
+from rich.table import Column, Table
+
+from visenvs.core.cli import launch
+from visenvs.core.config import pick
+from visenvs.core.files import check_writable, write_json
+from visenvs.core.provenance import provenance
+
+from .cases import Row, cases
+from .rollout import PUBLIC_SEEDS, public_seeds
+
+
+@dataclass(frozen=True)
+class Options:
+    """What to reproduce."""
+
+    cases: Annotated[tuple[str, ...], tyro.conf.Positional] = ()
+    """tables and figures by name; all if none is named"""
+    episodes: int = 100
+    """episodes for each figure that has chance in it, on the first public seeds"""
+    json: Path | None = None
+    """where to write the rows"""
+
+
+def main(options: Options) -> None:
+    """Print the papers' figures beside ours, with standard errors and a verdict."""
+    public_seeds(options.episodes)
+    if options.json is not None:
+        check_writable(options.json)
+    known = cases()
+    chosen = {name: pick("case", name, known) for name in options.cases or known}
+    rows: list[Row] = []
+    for make in track(chosen.values(), "flying", transient=True, console=Console(stderr=True)):
+        rows += make(options.episodes)
+    Console().print(table(rows))
+    if options.json is not None:
+        seeds = {"first": PUBLIC_SEEDS[0], "count": options.episodes}
+        content = [{**asdict(row), "ok": row.ok} for row in rows]
+        write_json(options.json, {"rows": content, "meta": {**provenance("eval.reproduce"), "seeds": seeds}})
+    outside = [row.id for row in rows if row.ok is False]
+    if outside:
+        raise ValueError(f"outside the accepted band: {', '.join(outside)}")
+
+
+def table(rows: list[Row]) -> Table:
+    """Paper against ours."""
+    out = Table(Column("figure", no_wrap=True, overflow="fold"), "paper", "ours", "s.e.", "n", "accepted", "verdict")
+    for row in rows:
+        band = "" if row.ok is None else f"{_number(row.low, '-inf')} to {_number(row.high, 'inf')}"
+        verdict = {True: "[green]ok", False: "[red]outside", None: "reported"}[row.ok]
+        error = _number(row.se) if row.se else ""
+        out.add_row(row.id, _number(row.paper), _number(row.ours), error, str(row.n), band, verdict)
+    return out
+
+
+def _number(value: float | None, absent: str = "") -> str:
+    return absent if value is None else f"{value:.4g}"
+
+
+if __name__ == "__main__":
+    launch("eval.reproduce", Options, main)

@@ -1,0 +1,113 @@
+"""The cases that every environment must pass: each preset, under each of its estimators.
+
+A toy (`tests/toys/envs/cart.py`) is among them. It is registered by being there, as any environment
+is, so that its cases also say that a new environment is one file.
+"""
+
+from __future__ import annotations
+
+import importlib
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import get_args
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import visenvs
+import visenvs.envs
+from visenvs.core import registry
+from visenvs.core.config import field_types, override
+from visenvs.core.lanes import Lanes
+
+TOYS = Path(__file__).parents[1] / "toys"
+SAME_STEP = gym.vector.AutoresetMode.SAME_STEP
+
+
+@dataclass(frozen=True)
+class Case:
+    env_id: str
+    scenario: str
+    settings: dict = field(default_factory=dict)
+    toy: bool = False
+
+    def __str__(self):
+        return "-".join([self.env_id.split("/")[1], self.scenario, *self.settings.values()])
+
+    @property
+    def kwargs(self):
+        return {"scenario": self.scenario, **self.settings}
+
+    @property
+    def task(self):
+        return registry.load_task(self.env_id)
+
+    def lanes(self, count, **changes):
+        preset = self.task.scenarios[self.scenario]
+        return Lanes(self.task, override(preset, self.settings | changes), count)
+
+    def single(self, **kwargs):
+        return gym.make(self.env_id, **self.kwargs, **kwargs)
+
+    def vector(self, count, **kwargs):
+        return gym.make_vec(self.env_id, count, **self.kwargs, **kwargs)
+
+    def loop(self, count):
+        """Gymnasium's own loop of single environments, in the same autoreset mode."""
+        return self.vector(
+            count, vectorization_mode="sync", vector_kwargs={"autoreset_mode": SAME_STEP}
+        )
+
+    def actions(self, *shape, seed=7):
+        size = self.task.action.size
+        return np.random.default_rng(seed).uniform(-1, 1, (*shape, size)).astype(np.float32)
+
+
+@contextmanager
+def toys():
+    """Make the toys the only environments there are."""
+    before = set(gym.registry)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(registry, "PACKAGE", TOYS)
+        patch.setattr(visenvs.envs, "__path__", [str(TOYS / "envs")])
+        registry.environment_files.cache_clear()
+        importlib.reload(visenvs)
+        try:
+            yield
+        finally:
+            registry.environment_files.cache_clear()
+            for name in set(gym.registry) - before:
+                del gym.registry[name]
+
+
+def cases(toy):
+    for env_id in registry.environment_files():
+        task = registry.load_task(env_id)
+        for scenario, preset in task.scenarios.items():
+            choices = get_args(field_types(type(preset)).get("estimator"))
+            for settings in [{"estimator": choice} for choice in choices] or [{}]:
+                yield Case(env_id, scenario, settings, toy)
+
+
+REAL = list(cases(toy=False))
+with toys():
+    CASES = REAL + list(cases(toy=True))
+FILTERED = [case for case in REAL if case.settings.get("estimator") != "truth"]
+
+
+@pytest.fixture(params=CASES, ids=str)
+def case(request):
+    """Each preset of each environment under each estimator, and of the toys."""
+    if not request.param.toy:
+        yield request.param
+        return
+    with toys():
+        yield request.param
+
+
+@pytest.fixture(params=FILTERED, ids=str)
+def filtered(request):
+    """Each preset of each environment, with a filter between truth and row."""
+    return request.param

@@ -1,0 +1,86 @@
+"""What the faces share: lanes by name, pictures, and errors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from copy import deepcopy
+from importlib import import_module
+from typing import Any, cast
+
+import numpy as np
+from gymnasium import Space, logger
+from gymnasium.error import ResetNeeded
+from numpy.typing import NDArray
+
+from visenvs.core.config import Config, override, pick
+from visenvs.core.lanes import Lanes, Task
+from visenvs.core.layout import Layout, Row
+from visenvs.core.registry import load_task
+
+SEEDS = 2**63  # seeds drawn for a lane lie below
+
+
+class OnLanes:
+    """What every face tells about its lanes.
+
+    Attributes:
+        lanes: `lanes.records` is the whole state, by field name.
+    """
+
+    lanes: Lanes
+
+    @property
+    def task(self) -> Task:
+        """The card of the task."""
+        return self.lanes.task
+
+    @property
+    def config(self) -> Config:
+        """The task's configuration."""
+        return self.lanes.config
+
+    @property
+    def layout(self) -> Layout:
+        """What the numbers of an observation are: `env.unwrapped.layout.unpack(observation)`."""
+        return self.task.observation
+
+
+def open_lanes(env_id: str, scenario: str | None, settings: Mapping[str, Any], count: int) -> Lanes:
+    """`count` lanes of a task under a named preset (None for the first) with settings changed."""
+    task = load_task(env_id)
+    preset = next(iter(task.scenarios)) if scenario is None else scenario
+    config = override(pick("scenario", preset, task.scenarios), settings)
+    return Lanes(task, config, count)
+
+
+def own_space(layout: Layout) -> Space[Row]:
+    """The box of a layout's rows, with a random generator of its own."""
+    return cast("Space[Row]", deepcopy(layout.space))
+
+
+def rendering(lanes: Lanes, metadata: Mapping[str, Any], chosen: str | None) -> dict[str, Any]:
+    """The face's rendering metadata for this task; a ValueError for a mode that is not in it."""
+    modes: list[str] = metadata["render_modes"] if lanes.task.picture else []
+    if chosen is not None and chosen not in modes:
+        choices = ", ".join(repr(mode) for mode in [None, *modes])
+        raise ValueError(f"{lanes.task.id}: unknown render_mode {chosen!r} Choices: {choices}")
+    return {"render_modes": modes, "render_fps": max(1, round(1.0 / vars(lanes.config)["dt"]))}
+
+
+def draw(lanes: Lanes, lane: int) -> NDArray[np.uint8]:
+    """The picture of one lane, RGB, shape (height, width, 3)."""
+    module, function = lanes.task.picture.split(":")
+    return getattr(import_module(module), function)(lanes.records[lane], lanes.config, lanes.task)
+
+
+def reset_needed(why: str) -> ResetNeeded:
+    """The error for an episode that has not begun or is over."""
+    return ResetNeeded(f"{why}: write `observation, info = env.reset()` first")
+
+
+def warn_no_render_mode(task: Task) -> None:
+    """Say how to ask for pictures."""
+    logger.warn(
+        "render() was called on an environment without a render mode: "
+        f'write `gymnasium.make("{task.id}", render_mode="rgb_array")`'
+    )
