@@ -24,11 +24,14 @@ class LawPolicy:
         if "a_max" not in field_types(type(config)):
             absent.append("a_max")
         if absent:
-            raise NotApplicable(f"{law.name} needs {', '.join(absent)}, which {task.id} does not give")
+            raise NotApplicable(
+                f"{law.name} needs {', '.join(absent)}, which {task.id} does not give"
+            )
         self.law = law
         self._task = task
         self._settings = to_record(config)
         self._a_max = float(self._settings["a_max"][0])
+        self._memory = law.memory(self._settings[0], task.action.size) if law.memory else 0
 
     def predict(
         self,
@@ -40,7 +43,14 @@ class LawPolicy:
         """Commands of the law over the longest acceleration; longer ones keep their direction."""
         beliefs = self._task.observation.records(observation)
         commands = np.zeros((len(beliefs), self._task.action.size))
-        self.law.decide(beliefs, self._settings, commands)
+        if self._memory:
+            if state is None:
+                state = np.zeros((len(beliefs), self._memory))
+            elif episode_start is not None:
+                state[episode_start] = 0.0
+            self.law.decide(beliefs, self._settings, state, commands)
+        else:
+            self.law.decide(beliefs, self._settings, commands)
         commands /= self._a_max
         length = np.linalg.norm(commands, axis=1, keepdims=True)
         return (commands / np.maximum(length, 1.0)).astype(np.float32), state
@@ -78,4 +88,6 @@ class RandomPolicy:
         deterministic: bool = True,
     ) -> tuple[Rows, State | None]:
         """Independent draws in [-1, 1]; `deterministic` makes no difference."""
-        return self._rng.uniform(-1.0, 1.0, (len(observation), self._size)).astype(np.float32), state
+        return self._rng.uniform(-1.0, 1.0, (len(observation), self._size)).astype(
+            np.float32
+        ), state

@@ -129,7 +129,9 @@ def _read_zip(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     try:
         with zipfile.ZipFile(path) as archive:
             data = json.loads(archive.read("data"))
-            weights = torch.load(io.BytesIO(archive.read("policy.pth")), map_location="cpu", weights_only=True)
+            weights = torch.load(
+                io.BytesIO(archive.read("policy.pth")), map_location="cpu", weights_only=True
+            )
     except FileNotFoundError:
         raise ValueError(f"no file {path}") from None
     except Exception as error:
@@ -149,16 +151,26 @@ def _algorithm(path: Path, weights: dict[str, Any]) -> str:
     raise ValueError(f"{path}: the weights are not of a PPO, RecurrentPPO, SAC or TD3 policy")
 
 
-def _architecture(path: Path, algo: str, weights: dict[str, Any], data: dict[str, Any]) -> Architecture:
-    extra = [name for name in weights if name.startswith(("features_extractor.", "actor.features_extractor."))]
+def _architecture(
+    path: Path, algo: str, weights: dict[str, Any], data: dict[str, Any]
+) -> Architecture:
+    extra = [
+        name
+        for name in weights
+        if name.startswith(("features_extractor.", "actor.features_extractor."))
+    ]
     if extra:
-        raise ValueError(f"{path}: has a features extractor of its own ({extra[0]}); it needs --trust")
+        raise ValueError(
+            f"{path}: has a features extractor of its own ({extra[0]}); it needs --trust"
+        )
     kwargs = data.get("policy_kwargs")
     named = str(kwargs.get("activation_fn", "")) if isinstance(kwargs, dict) else ""
     default = "Tanh" if algo in ("ppo", "recurrent_ppo") else "ReLU"
     activation = named.rsplit(".", 1)[-1].rstrip("'>") or default
     if activation not in ACTIVATIONS:
-        raise ValueError(f"{path}: activation {activation!r} is not one of {', '.join(ACTIVATIONS)}; it needs --trust")
+        raise ValueError(
+            f"{path}: activation {activation!r} is not one of {', '.join(ACTIVATIONS)}; it needs --trust"
+        )
     if algo in ("ppo", "recurrent_ppo"):
         pi, vf = (_widths(weights, f"mlp_extractor.{part}_net") for part in ("policy", "value"))
         lstm = weights["lstm_actor.weight_hh_l0"].shape[1] if algo == "recurrent_ppo" else 0
@@ -168,17 +180,29 @@ def _architecture(path: Path, algo: str, weights: dict[str, Any], data: dict[str
 
 
 def _widths(weights: dict[str, Any], prefix: str) -> list[int]:
-    layers = [name for name in weights if name.startswith(f"{prefix}.") and name.endswith(".weight")]
-    return [int(weights[name].shape[0]) for name in sorted(layers, key=lambda n: int(n.split(".")[-2]))]
+    layers = [
+        name for name in weights if name.startswith(f"{prefix}.") and name.endswith(".weight")
+    ]
+    return [
+        int(weights[name].shape[0]) for name in sorted(layers, key=lambda n: int(n.split(".")[-2]))
+    ]
 
 
 def _rebuild(arch: Architecture, weights: dict[str, Any], task: Task, path: Path) -> Any:
     from torch import nn
 
-    kwargs: dict[str, Any] = {"net_arch": arch.net_arch, "activation_fn": getattr(nn, arch.activation)}
+    kwargs: dict[str, Any] = {
+        "net_arch": arch.net_arch,
+        "activation_fn": getattr(nn, arch.activation),
+    }
     if arch.algo == "recurrent_ppo":
-        kwargs |= {"lstm_hidden_size": arch.lstm, "enable_critic_lstm": "lstm_critic.weight_ih_l0" in weights}
-    policy_class = _algorithm_class(arch.algo).policy_aliases["MlpLstmPolicy" if arch.lstm else "MlpPolicy"]
+        kwargs |= {
+            "lstm_hidden_size": arch.lstm,
+            "enable_critic_lstm": "lstm_critic.weight_ih_l0" in weights,
+        }
+    policy_class = _algorithm_class(arch.algo).policy_aliases[
+        "MlpLstmPolicy" if arch.lstm else "MlpPolicy"
+    ]
     spaces = task.observation.space, task.action.space
     size = int(weights[FIRST_LAYER[arch.algo]].shape[1])
     if size != task.observation.size:
@@ -187,7 +211,9 @@ def _rebuild(arch: Architecture, weights: dict[str, Any], task: Task, path: Path
     try:
         policy.load_state_dict(weights)
     except RuntimeError as error:
-        raise ValueError(f"{path}: the weights do not fit {arch.algo} on {task.id}: {error}") from None
+        raise ValueError(
+            f"{path}: the weights do not fit {arch.algo} on {task.id}: {error}"
+        ) from None
     return policy
 
 
@@ -195,7 +221,11 @@ def _algorithm_class(algo: str) -> Any:
     import stable_baselines3
     from sb3_contrib import RecurrentPPO
 
-    classes = {"ppo": stable_baselines3.PPO, "sac": stable_baselines3.SAC, "td3": stable_baselines3.TD3}
+    classes = {
+        "ppo": stable_baselines3.PPO,
+        "sac": stable_baselines3.SAC,
+        "td3": stable_baselines3.TD3,
+    }
     return {**classes, "recurrent_ppo": RecurrentPPO}[algo]
 
 

@@ -10,14 +10,17 @@ from typing import Any
 
 from visenvs.core.config import Config, nearest
 from visenvs.core.lanes import Task
-from visenvs.core.registry import laws
+from visenvs.core.registry import find_law, laws
 
 from .classical import LawPolicy, RandomPolicy, ZeroPolicy
 from .learned import LearnedPolicy, Residual, load_network, read_card
 from .policy import Policy
 
 PRETRAINED = Path(__file__).resolve().parent / "pretrained"
-BLIND = {"zero": ("no action at all", ZeroPolicy), "random": ("uniform random actions", RandomPolicy)}
+BLIND = {
+    "zero": ("no action at all", ZeroPolicy),
+    "random": ("uniform random actions", RandomPolicy),
+}
 
 
 @dataclass(frozen=True)
@@ -67,8 +70,8 @@ def load(spec: str, task: Task, config: Config, trust: bool = False) -> Entry:
     if spec in BLIND:
         summary, make = BLIND[spec]
         return Entry(spec, make(task), "none", "blind", summary)
-    if spec in laws():
-        law = laws()[spec]
+    law = find_law(spec)
+    if law is not None:
         return Entry(spec, LawPolicy(law, task, config), "belief", "law", law.summary)
     if spec in shipped(task.id):
         return _load_model(spec, shipped(task.id)[spec], task, config, trust)
@@ -93,7 +96,13 @@ def _load_model(name: str, model: Path, task: Task, config: Config, trust: bool)
     network = load_network(model, task, trust)
     residual = card.get("residual")
     if residual is None:
-        return Entry(name, LearnedPolicy(network), card.get("information", "belief"), "learned", _summary(card))
+        return Entry(
+            name,
+            LearnedPolicy(network),
+            card.get("information", "belief"),
+            "learned",
+            _summary(card),
+        )
     law = load(residual["law"], task, config).policy
     policy = LearnedPolicy(network, Residual(law, residual["scale"]))
     return Entry(name, policy, card.get("information", "belief"), "residual", _summary(card))
@@ -111,4 +120,6 @@ def _factory(spec: str) -> Callable[[Task, Config], Policy]:
     try:
         return getattr(importlib.import_module(module), name)
     except (ImportError, AttributeError) as error:
-        raise ValueError(f"cannot import {spec!r} ({error}); write module:factory, factory(task, config)") from None
+        raise ValueError(
+            f"cannot import {spec!r} ({error}); write module:factory, factory(task, config)"
+        ) from None

@@ -1,8 +1,7 @@
-"""Throughput as ratios measured in one run: `python -m eval.benchmark`; docs/benchmark.md says how."""
+"""Throughput as ratios measured in one run: `python -m eval.benchmark` (docs/benchmark.md)."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -36,9 +35,13 @@ def run(options: Options) -> None:
 
 
 def measure(options: Options, budget: Budget) -> None:
-    """Measure the chosen groups one after the other, print and write their rows."""
+    """Measure the chosen groups one after the other, print and write their rows.
+
+    A row that an earlier group has measured, with its own reference, is not repeated.
+    """
     known = groups()
-    chosen = {name: pick("group", name, known) for name in options.only or known}
+    asked = {name: pick("group", name, known) for name in options.only or known}
+    chosen = {name: group for name, group in known.items() if name in asked}
     if options.json is not None:
         check_writable(options.json)
     progress = Console(stderr=True)
@@ -53,7 +56,7 @@ def measure(options: Options, budget: Budget) -> None:
         console = Console(width=PIPED)
     console.print(table(rows))
     for name, group in chosen.items():
-        console.print(f"{name} wants {group.WANTS}", highlight=False)
+        console.print(f"{name} wants: {group.WANTS}", highlight=False, soft_wrap=True)
     if options.json is not None:
         content = [asdict(row) for group in rows.values() for row in group]
         write_json(options.json, {"rows": content, "meta": provenance(PROGRAM)})
@@ -61,19 +64,19 @@ def measure(options: Options, budget: Budget) -> None:
 
 def table(groups: dict[str, list[Row]]) -> Table:
     """All rows, group by group."""
-    right = [Column(name, justify="right", no_wrap=True) for name in ("value", "ratio")]
-    out = Table(Column("figure", no_wrap=True), right[0], "unit", "compared with", right[1])
+    value, ratio = (Column(name, justify="right", no_wrap=True) for name in ("value", "ratio"))
+    out = Table(Column("figure", no_wrap=True), value, "unit", "compared with", ratio)
     for rows in groups.values():
-        _add(out, rows)
+        for row in rows:
+            times = "" if row.ratio is None else f"{row.ratio:.2f}"
+            out.add_row(row.id, _rounded(row.value), row.unit, row.reference or "", times)
         out.add_section()
     return out
 
 
-def _add(out: Table, rows: Sequence[Row]) -> None:
-    for row in rows:
-        value = f"{float(f'{row.value:.3g}'):,.0f}"
-        ratio = "" if row.ratio is None else f"{row.ratio:.3g}"
-        out.add_row(row.id, value, row.unit, row.reference or "", ratio)
+def _rounded(value: float) -> str:
+    """Three digits that count, the rest zeros."""
+    return f"{float(f'{value:.3g}'):,.0f}"
 
 
 if __name__ == "__main__":

@@ -46,7 +46,10 @@ def main(options: Options) -> None:
     if options.json is not None:
         seeds = {"first": PUBLIC_SEEDS[0], "count": options.episodes}
         content = [{**asdict(row), "ok": row.ok} for row in rows]
-        write_json(options.json, {"rows": content, "meta": {**provenance("eval.reproduce"), "seeds": seeds}})
+        write_json(
+            options.json,
+            {"rows": content, "meta": {**provenance("eval.reproduce"), "seeds": seeds}},
+        )
     outside = [row.id for row in rows if row.ok is False]
     if outside:
         raise ValueError(f"outside the accepted band: {', '.join(outside)}")
@@ -54,7 +57,15 @@ def main(options: Options) -> None:
 
 def table(rows: list[Row]) -> Table:
     """Paper against ours."""
-    out = Table(Column("figure", no_wrap=True, overflow="fold"), "paper", "ours", "s.e.", "n", "accepted", "verdict")
+    out = Table(
+        Column("figure", no_wrap=True, overflow="fold"),
+        "paper",
+        "ours",
+        "s.e.",
+        "n",
+        "accepted",
+        "verdict",
+    )
     for row in rows:
         band = "" if row.ok is None else f"{_number(row.low, '-inf')} to {_number(row.high, 'inf')}"
         verdict = {True: "[green]ok", False: "[red]outside", None: "reported"}[row.ok]

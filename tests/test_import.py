@@ -3,9 +3,17 @@ from __future__ import annotations
 import subprocess
 import sys
 
-import visenvs
-
-HEAVY = ("numba", "llvmlite", "torch", "cv2", "pymunk", "matplotlib", "scipy", "pettingzoo", "pygame")
+HEAVY = (
+    "numba",
+    "llvmlite",
+    "torch",
+    "cv2",
+    "pymunk",
+    "matplotlib",
+    "scipy",
+    "pettingzoo",
+    "pygame",
+)
 
 
 def loaded_by(statement: str) -> set[str]:
@@ -28,9 +36,3 @@ def test_import_registers_environments_without_importing_them() -> None:
         "assert not any(name.startswith('visenvs.envs.') for name in sys.modules)\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
-
-
-def test_version_is_the_distribution_version() -> None:
-    from importlib.metadata import version
-
-    assert visenvs.__version__ == version("visenvs")

@@ -32,7 +32,9 @@ class Keeper(BaseCallback):
         best: mean cost, steps and success rate of the best model of an earlier session, or None.
     """
 
-    def __init__(self, lanes: LaneVecEnv, every: int, out: Path, best: dict[str, Any] | None) -> None:
+    def __init__(
+        self, lanes: LaneVecEnv, every: int, out: Path, best: dict[str, Any] | None
+    ) -> None:
         super().__init__()
         self._lanes = lanes
         self._every = every
@@ -71,7 +73,12 @@ def validate(model: BaseAlgorithm, lanes: LaneVecEnv) -> dict[str, float]:
             won.append(local["info"]["is_success"])
 
     returns, _ = evaluate_policy(
-        model, lanes, n_eval_episodes=lanes.num_envs, return_episode_rewards=True, warn=False, callback=watch
+        model,
+        lanes,
+        n_eval_episodes=lanes.num_envs,
+        return_episode_rewards=True,
+        warn=False,
+        callback=watch,
     )
     costs = -np.asarray(returns, float)
     return {

@@ -31,8 +31,21 @@ class Preset:
     reward_floor: float = float("-inf")
 
 
-ON_POLICY = {"n_steps": 200, "batch_size": 2048, "n_epochs": 6, "gamma": 1.0, "gae_lambda": 0.95, "learning_rate": 1e-3}
-OFF_POLICY = {"batch_size": 1024, "gamma": 0.999, "learning_rate": 1e-3, "train_freq": 1, "gradient_steps": 4}
+ON_POLICY = {
+    "n_steps": 200,
+    "batch_size": 2048,
+    "n_epochs": 6,
+    "gamma": 1.0,
+    "gae_lambda": 0.95,
+    "learning_rate": 1e-3,
+}
+OFF_POLICY = {
+    "batch_size": 1024,
+    "gamma": 0.999,
+    "learning_rate": 1e-3,
+    "train_freq": 1,
+    "gradient_steps": 4,
+}
 SMALL = {"net_arch": [64, 64]}
 
 DEFAULTS: dict[Algo, Preset] = {

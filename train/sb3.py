@@ -31,7 +31,12 @@ from .presets import Algo, Preset, preset_for
 from .shaping import potential_of
 from .vec_env import LaneVecEnv
 
-ALGORITHMS: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC, "td3": TD3, "recurrent_ppo": RecurrentPPO}
+ALGORITHMS: dict[str, type[BaseAlgorithm]] = {
+    "ppo": PPO,
+    "sac": SAC,
+    "td3": TD3,
+    "recurrent_ppo": RecurrentPPO,
+}
 POLICIES = {"recurrent_ppo": "MlpLstmPolicy"}
 TRAINING_SEEDS = 90_000
 VALIDATION_SEEDS = range(90_000, 91_000)
@@ -82,12 +87,20 @@ def train(options: Options) -> None:
     began, cpu, before = time.time(), time.process_time(), model.num_timesteps
     finished = False
     try:
-        model.learn(options.steps - before, callback=keeper, reset_num_timesteps=False, progress_bar=True, tb_log_name="run")
+        model.learn(
+            options.steps - before,
+            callback=keeper,
+            reset_num_timesteps=False,
+            progress_bar=True,
+            tb_log_name="run",
+        )
         keeper.keep()
         finished = True
     except KeyboardInterrupt:
         checkpoint(model, options.out)
-        raise KeyboardInterrupt(f"{model.num_timesteps:,} steps are kept; the same command goes on from there") from None
+        raise KeyboardInterrupt(
+            f"{model.num_timesteps:,} steps are kept; the same command goes on from there"
+        ) from None
     finally:
         wall, cpu = time.time() - began, time.process_time() - cpu
         run |= {"steps": model.num_timesteps, "best": keeper.best, "finished": finished}
@@ -99,13 +112,21 @@ def train(options: Options) -> None:
         if keeper.best is not None:
             write_json(options.out / "card.json", card(options, task, scenario, preset, run))
     best = keeper.best or {}
-    print(f"best of {run['steps']:,} steps: mean cost {best['cost_mean']:.4g}, success {best['success_rate']:.3f}")
-    print(f"try it: python -m eval.leaderboard --env {options.env} --policies lq,osa,{options.out / 'model.zip'}")
+    print(
+        f"best of {run['steps']:,} steps: mean cost {best['cost_mean']:.4g}, success {best['success_rate']:.3f}"
+    )
+    print(
+        f"try it: python -m eval.leaderboard --env {options.env} --policies lq,osa,{options.out / 'model.zip'}"
+    )
 
 
 def check(options: Options) -> None:
     """Refuse numbers that make no sense, before anything is built."""
-    if options.steps < 1 or options.validate_every < 1 or (options.lanes is not None and options.lanes < 1):
+    if (
+        options.steps < 1
+        or options.validate_every < 1
+        or (options.lanes is not None and options.lanes < 1)
+    ):
         raise ValueError(
             f"steps, lanes and validate-every must be at least 1, got {options.steps}, {options.lanes}, "
             f"{options.validate_every}"
@@ -120,16 +141,32 @@ def open_run(options: Options, task: Task, scenario: str, config: Config) -> dic
     asked = {k: str(v) if isinstance(v, Path) else v for k, v in asdict(options).items()}
     if not path.exists():
         options.out.mkdir(parents=True, exist_ok=True)
-        fresh = {"steps": 0, "sessions": 0, "best": None, "finished": False, "wall_seconds": 0.0, "cpu_seconds": 0.0}
+        fresh = {
+            "steps": 0,
+            "sessions": 0,
+            "best": None,
+            "finished": False,
+            "wall_seconds": 0.0,
+            "cpu_seconds": 0.0,
+        }
         made = provenance("train.sb3")
-        run = {"options": asked, "env": task.id, "scenario": scenario, "config": to_json(config), **fresh, **made}
+        run = {
+            "options": asked,
+            "env": task.id,
+            "scenario": scenario,
+            "config": to_json(config),
+            **fresh,
+            **made,
+        }
         write_json(path, run)
         return run
     run = read_json(path)
     other = [k for k, v in asked.items() if run["options"].get(k) != v and k != "out"]
     if run["finished"] or other:
         what = f"was started with other {', '.join(other)}" if other else "is finished"
-        raise ValueError(f"the training in {options.out} {what}; write --out {options.out}-2 for a new one")
+        raise ValueError(
+            f"the training in {options.out} {what}; write --out {options.out}-2 for a new one"
+        )
     if not (options.out / "checkpoint.zip").exists():
         run["steps"] = 0
     return run
@@ -148,7 +185,12 @@ def build_lanes(
         law = registry.load(options.residual, task, config).policy
         residual = Residual(law, options.residual_scale or preset.residual_scale)
     lanes = LaneVecEnv(
-        task, config, range(first, first + count), residual, potential_of(task, config), preset.reward_floor
+        task,
+        config,
+        range(first, first + count),
+        residual,
+        potential_of(task, config),
+        preset.reward_floor,
     )
     return lanes, LaneVecEnv(task, config, VALIDATION_SEEDS, residual)
 
@@ -174,7 +216,9 @@ def build_model(options: Options, preset: Preset, lanes: LaneVecEnv, resume: boo
     )
 
 
-def card(options: Options, task: Task, scenario: str, preset: Preset, run: dict[str, Any]) -> dict[str, Any]:
+def card(
+    options: Options, task: Task, scenario: str, preset: Preset, run: dict[str, Any]
+) -> dict[str, Any]:
     """What somebody must know of the model: what it flies, how it was made, what it reached."""
     scale = options.residual_scale or preset.residual_scale
     best = dict(run["best"])
@@ -188,7 +232,10 @@ def card(options: Options, task: Task, scenario: str, preset: Preset, run: dict[
         "policy": preset.policy,
         "steps": best.pop("steps"),
         "reached": best,
-        "seeds": {"training": [0, TRAINING_SEEDS - 1], "validation": [VALIDATION_SEEDS[0], VALIDATION_SEEDS[-1]]},
+        "seeds": {
+            "training": [0, TRAINING_SEEDS - 1],
+            "validation": [VALIDATION_SEEDS[0], VALIDATION_SEEDS[-1]],
+        },
         "sha256": digest(options.out / "model.zip"),
         **{key: run[key] for key in ("command", "versions", "commit", "date")},
     }

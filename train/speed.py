@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -34,6 +34,8 @@ class Options:
     """environment id"""
     rounds: int = 7
     """turns of each side: one rollout and its update"""
+    lanes: int | None = None
+    """environments side by side; the preset's if left out"""
 
 
 class NoOpVecEnv(VecEnv):
@@ -42,9 +44,9 @@ class NoOpVecEnv(VecEnv):
     def __init__(self, task: Task, count: int) -> None:
         self.render_mode = None
         super().__init__(count, task.observation.space, task.action.space)
-        rng = np.random.default_rng(0)
+        rng, box = np.random.default_rng(0), task.observation.space
         shape = (count, task.observation.size)
-        self._rows = rng.uniform(-1.0, 1.0, shape).astype(np.float32)
+        self._rows = rng.uniform(box.low, box.high, shape).astype(np.float32)
         self._rewards = rng.uniform(-1.0, 0.0, count).astype(np.float32)
         self._done = np.zeros(count, bool)
         self._infos: list[dict[str, Any]] = [{} for _ in range(count)]
@@ -71,7 +73,9 @@ class NoOpVecEnv(VecEnv):
         """Lanes that never move have nothing to set."""
         raise AttributeError(f"lanes that never move have no attribute {attr_name!r}")
 
-    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
+    def env_method(
+        self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any
+    ) -> list[Any]:
         """Lanes that never move have no methods."""
         raise AttributeError(f"lanes that never move have no method {method_name!r}")
 
@@ -91,7 +95,14 @@ def sides(task: Task, preset: Preset) -> dict[str, VecEnv]:
 def measure(task: Task, preset: Preset, rounds: int) -> dict[str, list[float]]:
     """Frames per CPU second of both sides in every round, after one round that is not counted."""
     models = {
-        side: PPO("MlpPolicy", lanes, policy_kwargs=dict(preset.policy), seed=0, device="cpu", **preset.model)
+        side: PPO(
+            "MlpPolicy",
+            lanes,
+            policy_kwargs=dict(preset.policy),
+            seed=0,
+            device="cpu",
+            **preset.model,
+        )
         for side, lanes in sides(task, preset).items()
     }
     rates: dict[str, list[float]] = {side: [] for side in models}
@@ -113,11 +124,15 @@ def learn(model: PPO) -> float:
 
 def run(options: Options) -> None:
     """Print the frames per CPU second of PPO on our lanes and on lanes that never move."""
-    if options.rounds < 1:
-        raise ValueError(f"--rounds must be at least 1, got {options.rounds}")
+    preset = preset_for(options.env, "ppo")
+    lanes = preset.lanes if options.lanes is None else options.lanes
+    if options.rounds < 1 or lanes < 1:
+        raise ValueError(
+            f"--rounds and --lanes must be at least 1, got {options.rounds} and {lanes}"
+        )
     torch.set_num_threads(1)
-    task = load_task(options.env)
-    print(json.dumps(measure(task, preset_for(options.env, "ppo"), options.rounds)))
+    rates = measure(load_task(options.env), replace(preset, lanes=lanes), options.rounds)
+    print(json.dumps(rates))
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from copy import deepcopy
 from typing import Any
 
 import numpy as np
@@ -42,7 +43,7 @@ class LaneVecEnv(VecEnv):
     ) -> None:
         count = len(seeds)
         self.render_mode = None
-        super().__init__(count, task.observation.space, task.action.space)
+        super().__init__(count, deepcopy(task.observation.space), deepcopy(task.action.space))
         self.lanes = Lanes(task, config, count)
         self._seeds = list(seeds)
         self._residual = residual
@@ -80,7 +81,12 @@ class LaneVecEnv(VecEnv):
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         if ended:
             self._finish(done, infos)
-        return self.lanes.rows.copy(), np.maximum(rewards, self._floor).astype(np.float32), done, infos
+        return (
+            self.lanes.rows.copy(),
+            np.maximum(rewards, self._floor).astype(np.float32),
+            done,
+            infos,
+        )
 
     def _finish(self, done: NDArray[np.bool_], infos: list[dict[str, Any]]) -> None:
         elapsed = round(time.time() - self._start, 6)
@@ -116,9 +122,13 @@ class LaneVecEnv(VecEnv):
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
         """Lanes share one configuration, so that no attribute can be set on one of them."""
-        raise AttributeError(f"lanes have no attribute {attr_name!r} of their own; pass it in the configuration")
+        raise AttributeError(
+            f"lanes have no attribute {attr_name!r} of their own; pass it in the configuration"
+        )
 
-    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
+    def env_method(
+        self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any
+    ) -> list[Any]:
         """Lanes have no methods of their own."""
         raise AttributeError(f"lanes have no method {method_name!r}")
 

@@ -55,7 +55,7 @@ def groups() -> dict[str, ModuleType]:
 
 
 def race(sides: Mapping[str, Portion], budget: Budget) -> Rates:
-    """The rates of all sides in every round; a first portion of each compiles and is not counted."""
+    """The rates of all sides in every round, after one portion of each that may compile."""
     for portion in sides.values():
         portion()
     rates: dict[str, list[float]] = {side: [] for side in sides}

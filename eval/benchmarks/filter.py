@@ -34,8 +34,12 @@ FILTERPY, CPP = "filter/filterpy", "filter/cpp"
 COUNT = 1000  # problems
 AGREEMENT = 1e-9  # largest difference between two sides, m and m^2
 
-PROBLEM = np.dtype([("rhat", "f8", 3), ("P", "f8", (3, 3)), ("C", "f8", (3, 3)), ("pixel", "f8", 2)])
-SOLUTION = np.dtype([("rhat", "f8", 3), ("P", "f8", (3, 3)), ("innovation", "f8", 2), ("nis", "f8")])
+PROBLEM = np.dtype(
+    [("rhat", "f8", 3), ("P", "f8", (3, 3)), ("C", "f8", (3, 3)), ("pixel", "f8", 2)]
+)
+SOLUTION = np.dtype(
+    [("rhat", "f8", 3), ("P", "f8", (3, 3)), ("innovation", "f8", 2), ("nis", "f8")]
+)
 SETTINGS = np.dtype([(name, "f8") for name in ("sigma_range", "sigma_angle", "min_range", "gate")])
 RECORDS = NDArray[Any]
 
@@ -68,7 +72,7 @@ def rows(budget: Budget) -> list[Row]:
 
 
 def draw_problems(count: int) -> RECORDS:
-    """Estimates 20 to 40 m ahead, a camera that looks at them, and image points of drawn targets."""
+    """Estimates 20 to 40 m ahead, a camera that looks at them, image points of drawn targets."""
     rng = np.random.default_rng(0)
     problems = np.zeros(count, PROBLEM)
     for problem in problems:
@@ -89,7 +93,7 @@ def default_settings() -> RECORDS:
 
 def check_agreement(name: str, solved: RECORDS, expected: RECORDS) -> None:
     """Raise a ValueError if two sides did not solve the same problems."""
-    worst = max(float(np.abs(solved[field] - expected[field]).max()) for field in ("rhat", "P"))
+    worst = np.max([np.abs(solved[name] - expected[name]).max() for name in ("rhat", "P")])
     if not worst <= AGREEMENT:
         raise ValueError(
             f"{name} differs by {worst:.3g} from {STATIONARY}, more than {AGREEMENT:g}: "
@@ -178,7 +182,9 @@ def with_filterpy(problems: RECORDS, settings: RECORDS, solutions: RECORDS) -> P
     for problem in problems:
         rhat, P, C, pixel = (problem[name].copy() for name in ("rhat", "P", "C", "pixel"))
         X, _, _ = project(C, rhat, min_range)
-        given.append((rhat, P, (C,), pixel, np.eye(2) * pixel_variance(X, sigma_range, sigma_angle)))
+        given.append(
+            (rhat, P, (C,), pixel, np.eye(2) * pixel_variance(X, sigma_range, sigma_angle))
+        )
 
     def portion() -> int:
         for (rhat, P, camera, pixel, R), solution in zip(given, solutions, strict=True):

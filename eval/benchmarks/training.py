@@ -18,14 +18,20 @@ PPO, NOOP = "training/ppo", "training/noop"
 
 
 def rows(budget: Budget) -> list[Row]:
-    """Both sides take turns in one process of `train.speed`; a turn is one rollout and its update."""
+    """The preset of the rendezvous; a turn is one rollout and its update."""
     if find_spec("torch") is None or find_spec("stable_baselines3") is None:
         left_out(PPO, "pip install 'visenvs[train]'")
         return []
-    command = [sys.executable, "-m", "train.speed", "--rounds", str(budget.rounds)]
+    return measured("--rounds", str(budget.rounds))
+
+
+def measured(*arguments: str) -> list[Row]:
+    """What one process of `python -m train.speed`, in which both sides take turns, has found."""
+    command = [sys.executable, "-m", "train.speed", *arguments]
     done = subprocess.run(command, cwd=CHECKOUT, capture_output=True, text=True, check=False)
     if done.returncode:
-        raise ValueError(f"`python -m train.speed` failed: {done.stderr.strip()[-300:]}")
+        what = " ".join(["python", *command[1:]])
+        raise ValueError(f"`{what}` failed: {done.stderr.strip()[-300:]}")
     measured = json.loads(done.stdout.splitlines()[-1])
     rates = {PPO: measured["lanes"], NOOP: measured["noop"]}
     return [row(PPO, UNIT, rates, NOOP), row(NOOP, UNIT, rates)]

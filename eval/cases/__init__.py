@@ -42,11 +42,16 @@ class Row:
 
 def cases() -> dict[str, Callable[[int], list[Row]]]:
     """Every case by name: episodes -> rows."""
-    modules = [importlib.import_module(f"{__name__}.{info.name}") for info in pkgutil.iter_modules(__path__)]
+    modules = [
+        importlib.import_module(f"{__name__}.{info.name}")
+        for info in pkgutil.iter_modules(__path__)
+    ]
     return {module.CASE: module.rows for module in modules}
 
 
-def standard_error(values: NDArray[np.float64], statistic: Callable[..., NDArray[np.float64]] = np.mean) -> float:
+def standard_error(
+    values: NDArray[np.float64], statistic: Callable[..., NDArray[np.float64]] = np.mean
+) -> float:
     """Bootstrap standard error of a statistic of values (n,), with a fixed seed; 0 for one value."""
     if len(values) < 2:
         return 0.0

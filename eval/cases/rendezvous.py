@@ -41,8 +41,12 @@ def rows(episodes: int) -> list[Row]:
             low, high = BANDS[setting, law]
             middle = float(np.median(miss)), standard_error(miss, np.median)
             out.append(Row(f"{at}/miss_ft_median", PAPER[law], *middle, episodes, low, high))
-            out.append(Row(f"{at}/miss_ft_mean", PAPER[law], miss.mean(), standard_error(miss), episodes))
-            out.append(Row(f"{at}/J_mean", None, costs[law].mean(), standard_error(costs[law]), episodes))
+            out.append(
+                Row(f"{at}/miss_ft_mean", PAPER[law], miss.mean(), standard_error(miss), episodes)
+            )
+            out.append(
+                Row(f"{at}/J_mean", None, costs[law].mean(), standard_error(costs[law]), episodes)
+            )
         out.append(cut(f"{CASE}/{setting}/J_cut", costs["lq"], costs["osa"]))
     return out
 

@@ -125,8 +125,7 @@ def test_bad_costs_diverge_without_a_reward():
     lanes = carts(2)
     lanes.step(COAST[:2])
     lanes.records["cost_control"][0] = np.nan
-    slots, costs = CART.observation.slots(CART.lane), lanes._costs
-    settle(lanes.records, lanes._floats, costs, slots, 0, lanes.terms, lanes.rewards, lanes.rows)
+    settle(*lanes._settle_with)
     assert lanes.outcome.tolist() == [Outcome.DIVERGED, Outcome.RUNNING]
     assert lanes.rewards[0] == 0 and lanes.rewards[1] < 0
 
@@ -135,7 +134,7 @@ def test_the_first_bad_action_is_named_and_nothing_is_touched():
     lanes = carts()
     actions = np.array([[1.0], [1.00001], [np.inf]], np.float32)
     before = lanes.snapshot()
-    assert begin(lanes.records, lanes._floats, lanes._costs, actions) == 1
+    assert begin(*lanes._begin_with, actions) == 1
     assert lanes.records.tobytes() == before.tobytes()
 
 

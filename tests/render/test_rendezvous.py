@@ -10,7 +10,7 @@ from visenvs.core.lanes import Lanes
 from visenvs.core.registry import load_task
 from visenvs.render import rendezvous
 from visenvs.render.rendezvous import draw, figures, predicted_point
-from visenvs.render.style import GREEN, MIDDLE_BLUE, PALE_BLUE, VERMILLION
+from visenvs.render.style import GREEN, MIDDLE_BLUE, PALE_BLUE, VERMILLION, WHITE
 
 TASK = load_task("visenvs/Rendezvous-v0")
 CONFIG = TASK.scenarios["random"]
@@ -96,18 +96,51 @@ def test_the_trail_adds_the_path_flown_and_nothing_else():
     np.testing.assert_array_equal(without[:, 760:], trail[:, 760:])
 
 
-@pytest.mark.parametrize("seed", range(30))
-def test_the_window_stays_and_holds_start_target_and_first_estimate(seed):
+def test_the_window_holds_start_target_and_first_estimate_at_one_scale():
     config = override(CONFIG, {"range_error": 0.33, "azimuth_drawn": math.pi})
-    records, image = episode(seed, config, steps=20), np.zeros(SIZE, np.uint8)
+    lanes, image = Lanes(TASK, config, 200), np.zeros(SIZE, np.uint8)
+    lanes.reset(np.arange(200))
+    for record in lanes.records:
+        along = rendezvous.bearing(record["r_T_N"])
+        top, side = rendezvous.windows(image, record, config, TASK, along)
+        assert top.scale == side.scale
+        for point in (np.zeros(3), record["r_T_N"], record["rhat_TV_N"]):
+            assert top.shows(rendezvous.EAST_NORTH @ point)
+            assert side.shows(along @ point)
+
+
+def test_the_window_stays_throughout_an_episode():
+    records, image = episode(2), np.zeros(SIZE, np.uint8)
     along = rendezvous.bearing(records[0]["r_T_N"])
-    top, side = rendezvous.windows(image, records[0], config, TASK, along)
-    assert top.scale == side.scale
-    for point in (np.zeros(3), records[0]["r_T_N"], records[0]["rhat_TV_N"]):
-        assert top.shows(rendezvous.EAST_NORTH @ point)
-        assert side.shows(along @ point)
-    later = rendezvous.windows(image, records[-1], config, TASK, along)
-    assert [(p.centre, p.scale) for p in later] == [(p.centre, p.scale) for p in (top, side)]
+    windows = set()
+    for record in records:
+        panels = rendezvous.windows(image, record, CONFIG, TASK, along)
+        windows.add(tuple((panel.centre, panel.scale) for panel in panels))
+    assert len(windows) == 1
+
+
+def test_the_ellipses_are_those_of_one_and_three_sigma():
+    record, image = episode(steps=0)[0], np.zeros(SIZE, np.uint8)
+    along = rendezvous.bearing(record["r_T_N"])
+    panels = rendezvous.windows(image, record, CONFIG, TASK, along)
+    record["P"] = 8 * np.array([[9.0, 4.0, 2.0], [4.0, 8.0, 1.0], [2.0, 1.0, 7.0]])
+    record["rhat_TV_N"] = record["r_T_N"] / 2 + 1e4
+    record["r_V_N"] = -1e4  # out of sight
+    frame = draw(record, CONFIG, TASK)
+    angle = np.linspace(0.0, 2.0 * math.pi, 48, endpoint=False)
+    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    for panel, rows in zip(panels, (rendezvous.EAST_NORTH, along), strict=True):
+        root = np.linalg.cholesky(rows @ record["P"] @ rows.T)
+        view = frame[panel.top : panel.top + panel.height, panel.left : panel.left + panel.width]
+        for sigmas, colour in (
+            (0.8, MIDDLE_BLUE),
+            (1.2, PALE_BLUE),
+            (2.8, PALE_BLUE),
+            (3.2, WHITE),
+        ):
+            points = rows @ record["r_T_N"] / 2 + sigmas * circle @ root.T
+            x, y = panel.pixels(points).astype(int).T
+            assert np.mean((view[y, x] == colour).all(axis=1)) > 0.7  # the rest lie on grid lines
 
 
 def test_the_side_view_runs_along_the_bearing_of_the_target():

@@ -42,6 +42,13 @@ def test_without_a_display_the_error_names_the_other_mode(pygame, monkeypatch):
         Window("a title").show(FRAME, 1000.0)
 
 
+def test_a_display_that_nobody_sees_is_none_unless_asked_for(pygame, monkeypatch):
+    monkeypatch.delenv("SDL_VIDEODRIVER")
+    monkeypatch.setattr(pygame.display, "get_driver", lambda: "offscreen")
+    with pytest.raises(RuntimeError, match='render_mode="rgb_array"'):
+        Window("a title").show(FRAME, 1000.0)
+
+
 def test_without_pygame_the_error_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "pygame", None)
     with pytest.raises(DependencyNotInstalled, match=r'pip install "visenvs\[viewer\]"'):

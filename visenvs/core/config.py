@@ -56,7 +56,9 @@ def override(config: C, changes: Mapping[str, Any]) -> C:
 def validate(config: Config) -> None:
     """Check and normalise every field of a frozen dataclass; call it first in `__post_init__`."""
     for name, hint in field_types(type(config)).items():
-        object.__setattr__(config, name, _checked(type(config).__name__, name, hint, getattr(config, name)))
+        object.__setattr__(
+            config, name, _checked(type(config).__name__, name, hint, getattr(config, name))
+        )
 
 
 def require(config: Config, **conditions: bool) -> None:
@@ -82,7 +84,9 @@ def code(config_type: type[Any], name: str, choice: str) -> int:
 
 def to_json(config: Config) -> dict[str, Any]:
     """The configuration as plain JSON types."""
-    return {k: list(v) if isinstance(v, tuple) else v for k, v in dataclasses.asdict(config).items()}  # type: ignore[call-overload]
+    return {
+        k: list(v) if isinstance(v, tuple) else v for k, v in dataclasses.asdict(config).items()
+    }  # type: ignore[call-overload]
 
 
 @cache
@@ -108,10 +112,16 @@ def _checked(owner: str, name: str, hint: Any, value: Any) -> Any:
         if value in get_args(hint):
             return value
         close = nearest(str(value), get_args(hint))
-        raise ValueError(f"{owner}.{name}: unknown choice {value!r}{close} Choices: {', '.join(get_args(hint))}")
+        raise ValueError(
+            f"{owner}.{name}: unknown choice {value!r}{close} Choices: {', '.join(get_args(hint))}"
+        )
     if get_origin(hint) is tuple:
         size = len(get_args(hint))
-        if isinstance(value, str) or not isinstance(value, Iterable) or len(value := tuple(value)) != size:
+        if (
+            isinstance(value, str)
+            or not isinstance(value, Iterable)
+            or len(value := tuple(value)) != size
+        ):
             raise ValueError(f"{owner}.{name}: expected {size} numbers, got {value!r}")
         return tuple(_number(owner, name, float, item) for item in value)
     return _number(owner, name, hint, value)
@@ -119,6 +129,13 @@ def _checked(owner: str, name: str, hint: Any, value: Any) -> Any:
 
 def _number(owner: str, name: str, hint: type[Any], value: Any) -> float | int:
     wanted = (int, np.integer) if hint is int else (int, float, np.integer, np.floating)
-    if isinstance(value, bool) or not isinstance(value, wanted) or not math.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, wanted) or not _finite(value):
         raise ValueError(f"{owner}.{name}: expected a finite {hint.__name__}, got {value!r}")
     return hint(value)
+
+
+def _finite(value: float) -> bool:
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # an int beyond every float
+        return False

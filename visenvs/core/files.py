@@ -12,7 +12,9 @@ from typing import Any
 def check_writable(path: Path) -> None:
     """Raise an OSError with the reason if a file cannot be written at `path`; leaves nothing behind."""
     if not path.parent.is_dir():
-        raise FileNotFoundError(f"cannot write {path}: no folder {path.parent}; write `mkdir -p {path.parent}`")
+        raise FileNotFoundError(
+            f"cannot write {path}: no folder {path.parent}; write `mkdir -p {path.parent}`"
+        )
     if path.is_dir():
         raise IsADirectoryError(f"cannot write {path}: it is a folder; name a file in it")
     trial = _temporary(path)

@@ -21,6 +21,7 @@ from visenvs.core.outcome import DIVERGED, RUNNING, TIME_LIMIT, Outcome
 from visenvs.core.registry import load_task
 
 HEADER = [("seed", "u8"), ("episode", "i8"), ("step", "i8"), ("outcome", "i8")]
+STEP, OUTCOME = 2, 3  # places in the header
 FLOAT32 = np.dtype(np.float32)
 ROUNDING = 1e-6  # how far outside its box an action may lie
 
@@ -84,11 +85,13 @@ class Lanes:
         self.rewards: Values = np.zeros(count)
         self.terms: Values = np.zeros((count, len(task.costs)))
         self._shape = (count, task.action.size)
-        self._floats = as_floats(self.records)
         self._record = to_record(config)
-        self._max_steps = task.max_steps(config)
         self._slots = task.observation.slots(task.lane)
-        self._costs = float_slots(task.lane, task.costs)
+        self._integers, self._floats = as_integers(self.records), as_floats(self.records)
+        costs, results = float_slots(task.lane, task.costs), (self.terms, self.rewards, self.rows)
+        # plain arrays rather than records: a call unpacks them faster
+        self._begin_with = self._integers, self._floats, costs
+        self._settle_with = *self._begin_with, self._slots, task.max_steps(config), *results
 
     @property
     def count(self) -> int:
@@ -118,17 +121,17 @@ class Lanes:
                 that seed begins. None: the next episode of the seed that the lane has.
             where: which lanes, shape (count,); None for all.
         """
-        chosen = np.ones(self.count, bool) if where is None else where
-        before = self.records[chosen]
-        lanes = np.zeros_like(before)
+        chosen = slice(None) if where is None else where
+        seed, episode = self.records["seed"][chosen], self.records["episode"][chosen]
+        lanes = np.zeros(len(seed), self.task.lane)
         if seeds is None:
-            lanes["seed"], lanes["episode"] = before["seed"], before["episode"] + 1
+            lanes["seed"], lanes["episode"] = seed, episode + 1
         else:
             lanes["seed"] = checked_seeds(seeds, len(lanes))
         self.task.reset_lanes(lanes, self._record)
         rows = np.zeros((len(lanes), self.rows.shape[1]), np.float32)
         write_rows(as_floats(lanes), self._slots, rows)
-        self.records[chosen] = lanes
+        self._integers[chosen] = as_integers(lanes)
         self.rows[chosen] = rows
 
     def step(self, actions: Row) -> int:
@@ -143,16 +146,14 @@ class Lanes:
         """
         if actions.shape != self._shape or actions.dtype != FLOAT32 or not actions.flags.carray:
             actions = self._shaped(actions)
-        bad = begin(self.records, self._floats, self._costs, actions)
+        bad = begin(*self._begin_with, actions)
         if bad >= 0:
             raise ValueError(
                 f"action of lane {bad} must be finite and within [-1, 1], "
                 f"got {actions[bad].tolist()}; write `numpy.clip(action, -1, 1)`"
             )
         self.task.step_lanes(self.records, actions, self._record)
-        floats, costs, slots, limit = self._floats, self._costs, self._slots, self._max_steps
-        terms, rewards, rows = self.terms, self.rewards, self.rows
-        return settle(self.records, floats, costs, slots, limit, terms, rewards, rows)
+        return settle(*self._settle_with)
 
     def results(self, lane: int) -> dict[str, Any]:
         """Outcome and metrics of one lane, SI."""
@@ -200,6 +201,11 @@ def as_floats(lanes: NDArray[Any]) -> Values:
     return lanes.view(np.float64).reshape(len(lanes), -1)
 
 
+def as_integers(lanes: NDArray[Any]) -> NDArray[np.int64]:
+    """The same memory as int64, shape (count, record size / 8)."""
+    return lanes.view(np.int64).reshape(len(lanes), -1)
+
+
 def checked_seeds(seeds: ArrayLike, count: int) -> NDArray[np.uint64]:
     """`count` seeds as uint64, or a ValueError."""
     array = np.asarray(seeds, object)
@@ -217,32 +223,31 @@ def _is_seed(value: Any) -> bool:
 
 
 @kernel
-def begin(lanes, floats, costs, actions):
+def begin(integers, floats, costs, actions):
     """Check the actions of all running lanes, then open their next step: count it, clear the costs.
 
     Returns the index of the first lane whose action is not finite or leaves [-1, 1], with no lane
     touched, or -1.
     """
     limit = 1.0 + ROUNDING
-    for i in range(lanes.shape[0]):
-        if lanes[i]["outcome"] == RUNNING:
+    for i in range(integers.shape[0]):
+        if integers[i, OUTCOME] == RUNNING:
             for j in range(actions.shape[1]):
                 if not abs(actions[i, j]) <= limit:
                     return i
-    for i in range(lanes.shape[0]):
-        if lanes[i]["outcome"] == RUNNING:
-            lanes[i]["step"] += 1
+    for i in range(integers.shape[0]):
+        if integers[i, OUTCOME] == RUNNING:
+            integers[i, STEP] += 1
         for j in range(costs.shape[0]):
             floats[i, costs[j]] = 0.0
     return -1
 
 
 @kernel
-def settle(lanes, floats, costs, slots, max_steps, terms, rewards, rows):
+def settle(integers, floats, costs, slots, max_steps, terms, rewards, rows):
     """Finish a step: rewards, divergence, time limit, rows. Returns how many lanes have ended."""
     ended = 0
-    for i in range(lanes.shape[0]):
-        lane = lanes[i]
+    for i in range(integers.shape[0]):
         reward = 0.0
         for j in range(costs.shape[0]):
             terms[i, j] = 0.0 - floats[i, costs[j]]
@@ -251,15 +256,15 @@ def settle(lanes, floats, costs, slots, max_steps, terms, rewards, rows):
         for j in range(slots.shape[0]):
             finite += 0.0 * floats[i, slots[j]["source"]]
         if not math.isfinite(finite):
-            lane["outcome"] = DIVERGED
+            integers[i, OUTCOME] = DIVERGED
             reward = 0.0
             for j in range(costs.shape[0]):
                 floats[i, costs[j]] = 0.0
                 terms[i, j] = 0.0
-        elif lane["outcome"] == RUNNING and max_steps > 0 and lane["step"] >= max_steps:
-            lane["outcome"] = TIME_LIMIT
+        elif integers[i, OUTCOME] == RUNNING and max_steps > 0 and integers[i, STEP] >= max_steps:
+            integers[i, OUTCOME] = TIME_LIMIT
         rewards[i] = reward
-        ended += lane["outcome"] != RUNNING
+        ended += integers[i, OUTCOME] != RUNNING
     write_rows(floats, slots, rows)
     return ended
 

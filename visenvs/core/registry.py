@@ -33,7 +33,9 @@ class Law:
         settings: names of the environment's configuration that it reads.
         decide: compiled (beliefs, settings, commands) -> None. `beliefs` are records of SI values by
             layout name (n,), `settings` the configuration's record (1,), `commands` receives SI
-            accelerations in N, shape (n, 3).
+            accelerations in N, shape (n, D). With a memory: (beliefs, settings, memory, commands).
+        memory: how many numbers a row remembers from step to step, from the configuration's record
+            and D; None for a law without memory. A row's memory is zeroed when an episode starts.
     """
 
     name: str
@@ -42,6 +44,7 @@ class Law:
     needs: tuple[str, ...]
     settings: tuple[str, ...]
     decide: Callable[..., None]
+    memory: Callable[[Any, int], int] | None = None
 
 
 @cache
@@ -65,8 +68,23 @@ def load_task(env_id: str) -> Task:
 
 @cache
 def laws() -> dict[str, Law]:
-    """Every guidance law by name."""
-    return {law.name: law for module in _modules("visenvs.guidance") for law in getattr(module, "LAWS", ())}
+    """The guidance laws that tables show, by name."""
+    return {
+        law.name: law
+        for module in _modules("visenvs.guidance")
+        for law in getattr(module, "LAWS", ())
+    }
+
+
+@cache
+def find_law(name: str) -> Law | None:
+    """The law of that name, a member of a family such as `nsa-50` included; None where there is none."""
+    if name in laws():
+        return laws()[name]
+    families = (
+        module.member for module in _modules("visenvs.guidance") if hasattr(module, "member")
+    )
+    return next((law for member in families if (law := member(name)) is not None), None)
 
 
 def _modules(package: str) -> Iterator[Any]:

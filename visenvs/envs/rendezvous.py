@@ -59,7 +59,9 @@ class RendezvousConfig:
     range_error: float = 0.2  # standard deviation of the true range over the estimated one
     cross_error: float = 1 * FOOT  # standard deviation of the target across the line of sight, m
     speed_drawn: tuple[float, float] = (0.0, 15 * FOOT)  # own speed, m/s
-    heading_drawn: float = math.radians(45.0)  # half width of the velocity's azimuth off the target, rad
+    heading_drawn: float = math.radians(
+        45.0
+    )  # half width of the velocity's azimuth off the target, rad
     target: tuple[float, float, float] = (100 * FOOT, 20 * FOOT, 20 * FOOT)  # in N, m
     velocity: tuple[float, float, float] = (10 * FOOT, 2 * FOOT, 0.0)  # own, in N, m/s
     error: tuple[float, float, float] = (-20 * FOOT, -20 * FOOT, -20 * FOOT)  # estimate - truth, m
@@ -93,13 +95,15 @@ class RendezvousConfig:
         )
 
 
-THESIS = RendezvousConfig(  # 4.2.3; what it leaves open (dt, L_c, guards, no limit) as in docs/misprints
-    a_max=1000 * FOOT,
-    camera="fixed",
-    half_width=1e9,  # 180 deg
-    p_detect=1.0,
-    gate=0.0,
-    start="fixed",
+THESIS = (
+    RendezvousConfig(  # 4.2.3; what it leaves open (dt, L_c, guards, no limit) as in docs/misprints
+        a_max=1000 * FOOT,
+        camera="fixed",
+        half_width=1e9,  # 180 deg
+        p_detect=1.0,
+        gate=0.0,
+        start="fixed",
+    )
 )
 SCENARIOS = {
     "random": RendezvousConfig(),
@@ -144,15 +148,48 @@ LANE = lane_dtype(
 
 OBSERVATION = Layout(
     (
-        Field("rhat_TV_N", 3, "m", "N", -250.0, 250.0, 50.0, "estimated position of the target relative to the vehicle"),
-        Field("chol", 6, "m", "N", -50.0, 50.0, 10.0, "lower Cholesky factor of its covariance, row by row"),
+        Field(
+            "rhat_TV_N",
+            3,
+            "m",
+            "N",
+            -250.0,
+            250.0,
+            50.0,
+            "estimated position of the target relative to the vehicle",
+        ),
+        Field(
+            "chol",
+            6,
+            "m",
+            "N",
+            -50.0,
+            50.0,
+            10.0,
+            "lower Cholesky factor of its covariance, row by row",
+        ),
         Field("v_V_N", 3, "m/s", "N", -50.0, 50.0, 5.0, "own velocity"),
-        Field("innovation", 2, "", "C", -1.0, 1.0, 0.2, "last innovation of the image point, 0 without a measurement"),
+        Field(
+            "innovation",
+            2,
+            "",
+            "C",
+            -1.0,
+            1.0,
+            0.2,
+            "last innovation of the image point, 0 without a measurement",
+        ),
         Field("seen", 1, "", "", 0.0, 1.0, 1.0, "1 where the last image gave a measurement"),
         Field("t_go", 1, "s", "", 0.0, 100.0, 20.0, "time to go"),
     )
 )
-ACTION = Layout((Field("a_V_N", 3, "a_max", "N", -1.0, 1.0, 1.0, "commanded acceleration over the longest one"),))
+ACTION = Layout(
+    (
+        Field(
+            "a_V_N", 3, "a_max", "N", -1.0, 1.0, 1.0, "commanded acceleration over the longest one"
+        ),
+    )
+)
 
 
 WORK = np.dtype([("filter", SCRATCH), ("axes", "f8", (3, 3)), ("u", "f8", (3,))])

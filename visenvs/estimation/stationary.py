@@ -12,7 +12,13 @@ from visenvs.core.pinhole import jacobian, pixel_variance, project
 from visenvs.estimation.ekf import update_vector
 
 SCRATCH = np.dtype(
-    [("H", "f8", (2, 3)), ("R", "f8", (2, 2)), ("B", "f8", (3, 2)), ("L", "f8", (3,)), ("e", "f8", (2,))]
+    [
+        ("H", "f8", (2, 3)),
+        ("R", "f8", (2, 2)),
+        ("B", "f8", (3, 2)),
+        ("L", "f8", (3,)),
+        ("e", "f8", (2,)),
+    ]
 )
 
 

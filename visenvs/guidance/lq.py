@@ -35,9 +35,9 @@ def gains(T, s_x, s_v):
 
 @kernel
 def command(X, V, T, s_x, s_v, a):
-    """Write the acceleration (3,), m/s^2, from relative position (m), own velocity (m/s), time to go (s)."""
+    """Write the acceleration (D,), m/s^2, from relative position (m), own velocity (m/s), time to go (s)."""
     K_X, K_V = gains(T, s_x, s_v)
-    for i in range(3):
+    for i in range(a.shape[0]):
         a[i] = K_X * X[i] - K_V * V[i]
 
 
@@ -46,7 +46,7 @@ def cost_to_go(X, V, T, s_x, s_v):
     """Least cost still to pay with perfect information and no limit on acceleration (4.10), m^2/s^3."""
     m11, m12, m22 = terminal_weight(T, s_x, s_v)
     cost = 0.0
-    for i in range(3):
+    for i in range(X.shape[0]):
         miss = X[i] - T * V[i]  # where no further control would leave us
         cost += 0.5 * (m11 * miss * miss - 2.0 * m12 * miss * V[i] + m22 * V[i] * V[i])
     return cost
@@ -57,7 +57,9 @@ def decide(beliefs, settings, commands):
     """The law for a batch of beliefs."""
     for i in range(beliefs.shape[0]):
         b, s = beliefs[i], settings[0]
-        command(b["rhat_TV_N"], b["v_V_N"], max(b["t_go"], s["dt"]), s["s_x"], s["s_v"], commands[i])
+        command(
+            b["rhat_TV_N"], b["v_V_N"], max(b["t_go"], s["dt"]), s["s_x"], s["s_v"], commands[i]
+        )
 
 
 LAWS = (

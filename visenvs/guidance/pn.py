@@ -8,11 +8,11 @@ from visenvs.core.registry import Law
 
 @kernel
 def command(X, V, T, a):
-    """Write 3 (X / T^2 - V / T), shape (3,), m/s^2: the least effort that passes through X after T.
+    """Write 3 (X / T^2 - V / T), shape (D,), m/s^2: the least effort that passes through X after T.
 
     X: position of the point relative to the vehicle, m. V: own velocity, m/s. T: time to go, s.
     """
-    for i in range(3):
+    for i in range(a.shape[0]):
         a[i] = 3.0 * (X[i] / T - V[i]) / T
 
 

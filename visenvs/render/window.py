@@ -9,6 +9,8 @@ from gymnasium.error import DependencyNotInstalled
 
 from visenvs.render.canvas import Image
 
+UNSEEN = ("offscreen", "dummy")  # what SDL falls back to, without a word, where there is no screen
+
 
 class Window:
     """One window; it opens with the first frame, at the frame's size.
@@ -62,13 +64,17 @@ class Window:
         self._closed = True
 
     def _opened(self, width: int, height: int) -> Any:
+        display = self._pygame.display
         try:
-            self._pygame.display.init()
-            surface = self._pygame.display.set_mode((width, height))
+            display.init()
+            if display.get_driver() in UNSEEN and "SDL_VIDEODRIVER" not in os.environ:
+                raise self._pygame.error("no screen")
+            surface = display.set_mode((width, height))
         except self._pygame.error as error:
+            display.quit()
             raise RuntimeError(
                 f'render_mode="human" found no display to open a window on ({error}); '
                 'write `render_mode="rgb_array"`'
             ) from error
-        self._pygame.display.set_caption(self._title)
+        display.set_caption(self._title)
         return surface

@@ -29,7 +29,10 @@ def take_image(C, r, settings, seed, episode, step, stream, pixel):
     X, y, z = project(C, r, settings["min_range"])
     if not in_view(X, y, z, settings["min_range"], settings["half_width"]):
         return False
-    if settings["p_detect"] < 1.0 and uniform(seed, episode, stream, step, 1) >= settings["p_detect"]:
+    if (
+        settings["p_detect"] < 1.0
+        and uniform(seed, episode, stream, step, 1) >= settings["p_detect"]
+    ):
         return False
     sd = math.sqrt(pixel_variance(X, settings["sigma_range"], settings["sigma_angle"]))
     noise_y, noise_z = normal_pair(seed, episode, stream, step, 0)
