@@ -13,7 +13,7 @@ from .policy import NotApplicable, Rows, State
 
 
 class LawPolicy:
-    """A guidance law as a policy: row to belief, belief to acceleration, acceleration to action row.
+    """A guidance law as a policy: row to belief to acceleration to action row.
 
     Built from the environment's public configuration and layouts only.
     """

@@ -1,7 +1,7 @@
 """Learned policies, loaded without running anybody's code.
 
 An SB3 zip holds JSON, pickles and tensors. Here the architecture is read from the card or from the
-zip's JSON as data, the weights through `torch.load(weights_only=True)`, and pickles are not touched.
+zip's JSON as data, the weights through `torch.load(weights_only=True)`; pickles are not touched.
 torch and stable-baselines3 are imported only when a policy is loaded.
 """
 
@@ -22,7 +22,8 @@ from visenvs.core.lanes import Task
 
 from .policy import Policy, Rows, State
 
-FIRST_LAYER = {  # the layer that reads the observation tells the algorithm; recurrent before plain PPO
+# the layer that reads the observation tells the algorithm; recurrent PPO also has plain PPO's
+FIRST_LAYER = {
     "sac": "actor.latent_pi.0.weight",
     "td3": "actor.mu.0.weight",
     "recurrent_ppo": "lstm_actor.weight_ih_l0",
@@ -43,7 +44,7 @@ class Residual:
     def combine(self, observation: Rows, correction: Rows) -> Rows:
         """Actions (n, size) from rows and corrections in [-1, 1]; law memory is not used."""
         action, _ = self._law.predict(observation)
-        return np.clip(action + self._scale * correction, -1.0, 1.0)
+        return np.clip(action + self._scale * correction, -1.0, 1.0).astype(np.float32, copy=False)
 
 
 class LearnedPolicy:
@@ -93,7 +94,8 @@ def read_card(model: Path) -> dict[str, Any]:
         raise ValueError(f"{path} is not JSON: {error}") from None
     if not isinstance(card, dict) or card.get("sha256") != digest(model):
         raise ValueError(
-            f"{path} does not belong to {model.name}: the sha256 differs; take both files from one training, "
+            f"{path} does not belong to {model.name}: the sha256 differs; "
+            "take both files from one training, "
             "or remove the card to load the network alone"
         )
     return card
@@ -136,7 +138,8 @@ def _read_zip(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
         raise ValueError(f"no file {path}") from None
     except Exception as error:
         raise ValueError(
-            f"{path} is not a stable-baselines3 model that can be read safely ({type(error).__name__}: {error}); "
+            f"{path} is not a stable-baselines3 model that can be read safely "
+            f"({type(error).__name__}: {error}); "
             "expected what `model.save(...)` writes"
         ) from None
     if not isinstance(data, dict) or not isinstance(weights, dict):
@@ -169,7 +172,8 @@ def _architecture(
     activation = named.rsplit(".", 1)[-1].rstrip("'>") or default
     if activation not in ACTIVATIONS:
         raise ValueError(
-            f"{path}: activation {activation!r} is not one of {', '.join(ACTIVATIONS)}; it needs --trust"
+            f"{path}: activation {activation!r} is not one of {', '.join(ACTIVATIONS)}; "
+            "it needs --trust"
         )
     if algo in ("ppo", "recurrent_ppo"):
         pi, vf = (_widths(weights, f"mlp_extractor.{part}_net") for part in ("policy", "value"))
@@ -207,7 +211,7 @@ def _rebuild(arch: Architecture, weights: dict[str, Any], task: Task, path: Path
     size = int(weights[FIRST_LAYER[arch.algo]].shape[1])
     if size != task.observation.size:
         raise _wrong_space(path, task, size)
-    policy = policy_class(*spaces, lambda _progress: 0.0, **kwargs)
+    policy = policy_class(*spaces, _no_training, **kwargs)
     try:
         policy.load_state_dict(weights)
     except RuntimeError as error:
@@ -215,6 +219,10 @@ def _rebuild(arch: Architecture, weights: dict[str, Any], task: Task, path: Path
             f"{path}: the weights do not fit {arch.algo} on {task.id}: {error}"
         ) from None
     return policy
+
+
+def _no_training(_left: float) -> float:
+    return 0.0
 
 
 def _algorithm_class(algo: str) -> Any:
@@ -231,6 +239,7 @@ def _algorithm_class(algo: str) -> Any:
 
 def _wrong_space(path: Path, task: Task, size: int) -> ValueError:
     return ValueError(
-        f"{path} was trained on observations of {size} numbers, {task.id} gives {task.observation.size} "
+        f"{path} was trained on observations of {size} numbers, "
+        f"{task.id} gives {task.observation.size} "
         f"({', '.join(task.observation.names)}); train with `python -m train.sb3 --env {task.id}`"
     )

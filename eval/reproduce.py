@@ -1,4 +1,4 @@
-"""The papers' figures beside ours: `python -m eval.reproduce [CASE ...] [--episodes N] [--json FILE]`."""
+"""The papers' figures beside ours: `python -m eval.reproduce --help`."""
 
 from __future__ import annotations
 

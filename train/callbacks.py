@@ -11,6 +11,7 @@ import numpy as np
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.evaluation import evaluate_policy
+from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
 from .vec_env import LaneVecEnv
 
@@ -92,6 +93,6 @@ def validate(model: BaseAlgorithm, lanes: LaneVecEnv) -> dict[str, float]:
 
 def checkpoint(model: BaseAlgorithm, out: Path) -> None:
     """Everything that is needed to go on: the model and, off policy, its replay buffer."""
-    if hasattr(model, "save_replay_buffer"):
+    if isinstance(model, OffPolicyAlgorithm):
         save_whole(model.save_replay_buffer, out / "replay.pkl")
     save_whole(model.save, out / "checkpoint.zip")

@@ -1,7 +1,7 @@
-"""Hyperparameters per (environment, algorithm); an environment without an entry trains with the defaults.
+"""Hyperparameters per (environment, algorithm), with defaults for environments without an entry.
 
-The defaults suit these tasks: many lanes, big minibatches, no discount (an episode's return is minus
-its cost), small exploration noise, since accelerations of a fraction of the limit matter.
+The defaults suit these tasks: many lanes, big minibatches, no discount (an episode's return is
+minus its cost), small exploration noise, since accelerations of a fraction of the limit matter.
 """
 
 from __future__ import annotations

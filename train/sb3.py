@@ -71,7 +71,7 @@ class Options:
 
 
 def train(options: Options) -> None:
-    """Train a policy with stable-baselines3; an interrupted run goes on when the command is given again."""
+    """Train a policy with stable-baselines3; the same command goes on with an interrupted run."""
     check(options)
     torch.set_num_threads(1)  # two threads are eight times slower on two cores
     task = load_task(options.env)
@@ -113,10 +113,12 @@ def train(options: Options) -> None:
             write_json(options.out / "card.json", card(options, task, scenario, preset, run))
     best = keeper.best or {}
     print(
-        f"best of {run['steps']:,} steps: mean cost {best['cost_mean']:.4g}, success {best['success_rate']:.3f}"
+        f"best of {run['steps']:,} steps: mean cost {best['cost_mean']:.4g}, "
+        f"success {best['success_rate']:.3f}"
     )
     print(
-        f"try it: python -m eval.leaderboard --env {options.env} --policies lq,osa,{options.out / 'model.zip'}"
+        f"try it: python -m eval.leaderboard --env {options.env} "
+        f"--policies lq,osa,{options.out / 'model.zip'}"
     )
 
 
@@ -128,7 +130,8 @@ def check(options: Options) -> None:
         or (options.lanes is not None and options.lanes < 1)
     ):
         raise ValueError(
-            f"steps, lanes and validate-every must be at least 1, got {options.steps}, {options.lanes}, "
+            f"steps, lanes and validate-every must be at least 1, "
+            f"got {options.steps}, {options.lanes}, "
             f"{options.validate_every}"
         )
     if options.seed < 0:
@@ -205,7 +208,11 @@ def build_model(options: Options, preset: Preset, lanes: LaneVecEnv, resume: boo
             model.load_replay_buffer(options.out / "replay.pkl")  # type: ignore[attr-defined]
         return model
     start = preset.model["learning_rate"]
-    settings = preset.model | {"learning_rate": lambda left: start * max(left, 0.05)}
+
+    def schedule(left: float) -> float:
+        return start * max(left, 0.05)
+
+    settings: dict[str, Any] = preset.model | {"learning_rate": schedule}
     return algorithm(
         POLICIES.get(options.algo, "MlpPolicy"),
         lanes,

@@ -1,7 +1,8 @@
 """Potentials for reward shaping in training; the environments themselves know nothing of it.
 
 A potential is minus a guess of the cost still to pay. It may read the truth, since it is gone when
-the policy flies: what it adds to the return does not depend on the policy (Ng, Harada, Russell 1999).
+the policy flies: what it adds to the return does not depend on the policy (Ng, Harada and Russell
+1999).
 """
 
 from __future__ import annotations

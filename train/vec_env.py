@@ -26,10 +26,11 @@ class LaneVecEnv(VecEnv):
         task, config: what to fly.
         seeds: one for each lane.
         residual: adds a law's command to the learned one, or None.
-        potential: shapes the reward as r + potential(after) - potential(before), with 0 at the end of
-            an episode; the return changes only by the potential of the start. None for the bare cost.
-        reward_floor: shaped rewards below this are cut off there, m^2/s^3: one lost target in a
-            thousand episodes costs more than all the others together and would drown what they teach.
+        potential: shapes the reward as r + potential(after) - potential(before), with 0 at the end
+            of an episode; the return changes only by the potential of the start. None for the cost
+            as it is.
+        reward_floor: shaped rewards below this are cut off there, m^2/s^3: one lost target in
+            a thousand episodes costs more than all the others and would drown what they teach.
     """
 
     def __init__(
@@ -45,7 +46,7 @@ class LaneVecEnv(VecEnv):
         self.render_mode = None
         super().__init__(count, deepcopy(task.observation.space), deepcopy(task.action.space))
         self.lanes = Lanes(task, config, count)
-        self._seeds = list(seeds)
+        self._starts = list(seeds)
         self._residual = residual
         self._potential = potential
         self._before = np.zeros(count)
@@ -56,7 +57,7 @@ class LaneVecEnv(VecEnv):
 
     def reset(self) -> NDArray[np.float32]:
         """Start the first episode of every lane's seed."""
-        self.lanes.reset(self._seeds)
+        self.lanes.reset(self._starts)
         self._returns[:] = 0.0
         self._remember_potential()
         return self.lanes.rows.copy()
@@ -110,8 +111,8 @@ class LaneVecEnv(VecEnv):
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
         """Give lane i the seed `seed + i` at the next reset."""
         if seed is not None:
-            self._seeds = [seed + i for i in range(self.num_envs)]
-        return list(self._seeds)
+            self._starts = [seed + i for i in range(self.num_envs)]
+        return list(self._starts)
 
     def close(self) -> None:
         """Nothing to release."""

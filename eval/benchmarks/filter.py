@@ -19,12 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visenvs.core.compile import kernel
+from visenvs.core.config import to_record
 from visenvs.core.frames import camera_towards
 from visenvs.core.pinhole import jacobian, pixel_variance, project
+from visenvs.core.registry import load_task
 from visenvs.estimation.ekf import update_sequential
 from visenvs.estimation.stationary import SCRATCH, update
 
-from . import Budget, Portion, Row, left_out, race, row
+from . import ENV_ID, Budget, Portion, Row, left_out, race, row
 
 GROUP = "filter"
 WANTS = "at least 100 times filterpy's updates, at least 0.5 of the C++ loop's"
@@ -40,7 +42,7 @@ PROBLEM = np.dtype(
 SOLUTION = np.dtype(
     [("rhat", "f8", 3), ("P", "f8", (3, 3)), ("innovation", "f8", 2), ("nis", "f8")]
 )
-SETTINGS = np.dtype([(name, "f8") for name in ("sigma_range", "sigma_angle", "min_range", "gate")])
+NUMBERS = ("sigma_range", "sigma_angle", "min_range", "gate")  # the settings that C++ is given
 RECORDS = NDArray[Any]
 
 SOURCE = Path(__file__).with_name("ekf.cpp")
@@ -49,7 +51,7 @@ FLAGS = ("-O3", "-march=native", "-shared", "-fPIC")  # kernels are compiled for
 
 def rows(budget: Budget) -> list[Row]:
     """Both compiled filters against both references, as far as these are there."""
-    problems, settings = draw_problems(COUNT), default_settings()
+    problems, settings = draw_problems(COUNT), rendezvous_settings()
     solved = {name: np.zeros(COUNT, SOLUTION) for name in (STATIONARY, SEQUENTIAL, FILTERPY, CPP)}
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         found = {
@@ -72,7 +74,7 @@ def rows(budget: Budget) -> list[Row]:
 
 
 def draw_problems(count: int) -> RECORDS:
-    """Estimates 20 to 40 m ahead, a camera that looks at them, image points of drawn targets."""
+    """Estimates 20 to 40 m ahead, a camera that looks at them, image points inside the gate."""
     rng = np.random.default_rng(0)
     problems = np.zeros(count, PROBLEM)
     for problem in problems:
@@ -86,9 +88,9 @@ def draw_problems(count: int) -> RECORDS:
     return problems
 
 
-def default_settings() -> RECORDS:
-    """Noise, minimum range and gate, one record; no drawn problem comes near the gate."""
-    return np.array([(0.3, 0.001, 0.3, 10.0)], SETTINGS)
+def rendezvous_settings() -> RECORDS:
+    """Noise, minimum range and gate of the environment's first scenario, one record."""
+    return to_record(next(iter(load_task(ENV_ID).scenarios.values())))
 
 
 def check_agreement(name: str, solved: RECORDS, expected: RECORDS) -> None:
@@ -161,12 +163,12 @@ def sequential(problems: RECORDS, settings: RECORDS, solutions: RECORDS) -> Port
 def with_filterpy(problems: RECORDS, settings: RECORDS, solutions: RECORDS) -> Portion | None:
     """All problems once, one call each; its camera functions are the compiled ones."""
     try:
-        from filterpy.kalman import ExtendedKalmanFilter
+        from filterpy.kalman import ExtendedKalmanFilter  # pyright: ignore[reportMissingImports]
     except ImportError:
         left_out(FILTERPY, "pip install 'visenvs[bench]'")
         return None
     ekf = ExtendedKalmanFilter(dim_x=3, dim_z=2)
-    sigma_range, sigma_angle, min_range, _ = settings[0]
+    sigma_range, sigma_angle, min_range = (float(settings[0][name]) for name in NUMBERS[:3])
 
     def image_point(r: NDArray[np.float64], C: NDArray[np.float64]) -> NDArray[np.float64]:
         _, y, z = project(C, r, min_range)
@@ -213,10 +215,13 @@ def with_cpp(
     function = ctypes.CDLL(str(library)).update_all
     function.argtypes = [ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p, ctypes.c_void_p]
     function.restype = None
-    given = problems.ctypes.data, len(problems), settings.ctypes.data, solutions.ctypes.data
+    numbers = np.array([settings[0][name] for name in NUMBERS])
+    here, there, told = (
+        array.ctypes.data_as(ctypes.c_void_p) for array in (problems, solutions, numbers)
+    )
 
     def portion() -> int:
-        function(*given)
+        function(here, len(problems), told, there)
         return len(problems)
 
     return portion

@@ -1,4 +1,4 @@
-"""The papers' tables and figures: one file each, with `CASE`, the name on the command line, and `rows`."""
+"""The papers' tables and figures: one file each, with its name `CASE` and its `rows`."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def cases() -> dict[str, Callable[[int], list[Row]]]:
 def standard_error(
     values: NDArray[np.float64], statistic: Callable[..., NDArray[np.float64]] = np.mean
 ) -> float:
-    """Bootstrap standard error of a statistic of values (n,), with a fixed seed; 0 for one value."""
+    """Bootstrap standard error of a statistic of values (n,), seed fixed; 0 for one value."""
     if len(values) < 2:
         return 0.0
     picks = np.random.default_rng(2008).integers(len(values), size=(2000, len(values)))

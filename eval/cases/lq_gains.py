@@ -17,7 +17,10 @@ G = np.array([[0.0], [-1.0]])
 
 
 def matrix_gains(T: float, s_x: float, s_v: float) -> NDArray[np.float64]:
-    """K_X and K_V from -B^-1 G' e^(F'T) S_f (I + Gramian S_f)^-1 e^(FT) x with x = (X, -V), B = 1 (4.12)."""
+    """K_X and K_V from -B^-1 G' e^(F'T) S_f (I + Gramian S_f)^-1 e^(FT) x, B = 1 (4.12).
+
+    x = (X, -V): the target's velocity relative to the vehicle is minus the vehicle's own.
+    """
     S_f, e = np.diag([s_x, s_v]), expm(F * T)
     block = expm(
         np.block([[-F, G @ G.T], [np.zeros((2, 2)), F.T]]) * T

@@ -1,7 +1,7 @@
-"""Vision-based rendezvous, thesis 4.2.3 and figures 38 to 41: estimated optimal against OSA, in feet.
+"""Vision-based rendezvous, thesis 4.2.3, figures 38 to 41: estimated optimal against OSA, in feet.
 
-The thesis reports one run: a miss of 14.8 ft against 0.03 ft. Its stated settings do not give 14.8 ft;
-a filter process noise of 0.1 ft^2/s, which it does not mention, does. Both are run here.
+The thesis reports one run: a miss of 14.8 ft against 0.03 ft. Its stated settings do not give
+14.8 ft; a filter process noise of 0.1 ft^2/s, which it does not mention, does. Both are run here.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ BANDS = {  # median miss, ft
 
 
 def rows(episodes: int) -> list[Row]:
-    """Misses (ft) and total costs (ft^2/s^3) of both laws under both settings, and how far OSA cuts the cost."""
+    """Misses (ft) and costs (ft^2/s^3) of both laws in both settings, and OSA's cut in cost."""
     task = load_task("visenvs/Rendezvous-v0")
     out: list[Row] = []
     for setting, scenario in SETTINGS.items():
@@ -52,7 +52,7 @@ def rows(episodes: int) -> list[Row]:
 
 
 def cut(row_id: str, before: np.ndarray, after: np.ndarray) -> Row:
-    """How many times smaller the mean cost has become (the thesis: "significantly reduced"; figure 40)."""
+    """How many times smaller the mean cost is (the thesis: "significantly reduced"; figure 40)."""
     ratio = before.mean() / after.mean()
     spread = np.hypot(standard_error(before) / before.mean(), standard_error(after) / after.mean())
     return Row(row_id, None, ratio, ratio * spread, len(before), 10.0, None)

@@ -10,6 +10,7 @@ import pytest
 from eval import benchmark
 from eval.benchmarks import Budget, filter, groups, left_out, race, row, training
 from visenvs.core.cli import guarded
+from visenvs.core.config import override, to_record
 from visenvs.core.registry import load_task
 
 QUICK = Budget(seconds=0.0, rounds=1)
@@ -85,16 +86,17 @@ def test_every_row_is_positive_and_compared_with_a_row_that_is_there(name):
 
 
 def test_both_compiled_filters_solve_the_same_problems():
-    problems, settings = filter.draw_problems(200), filter.default_settings()
+    problems, settings = filter.draw_problems(filter.COUNT), filter.rendezvous_settings()
     stationary = solved(filter.stationary, problems, settings)
     assert largest_difference(solved(filter.sequential, problems, settings), stationary) < 1e-12
     assert largest_difference(stationary, problems) > 1e-3
+    assert stationary["nis"].max() < settings["gate"][0] ** 2
     filter.check_agreement("filter/sequential", stationary, stationary)
 
 
 def test_filterpy_solves_the_same_problems():
     pytest.importorskip("filterpy")
-    problems, settings = filter.draw_problems(50), filter.default_settings()
+    problems, settings = filter.draw_problems(50), filter.rendezvous_settings()
     theirs = solved(filter.with_filterpy, problems, settings)
     assert largest_difference(theirs, solved(filter.stationary, problems, settings)) < 1e-9
 
@@ -103,8 +105,8 @@ def test_filterpy_solves_the_same_problems():
 @pytest.mark.parametrize("gate", [0.0, 1.0])
 def test_cpp_solves_the_same_problems(tmp_path, gate):
     """With a gate of one standard deviation, both leave the same image points out."""
-    problems, settings = filter.draw_problems(200), filter.default_settings()
-    settings["gate"] = gate
+    config = override(load_task(ENV_ID).scenarios["random"], {"gate": gate})
+    problems, settings = filter.draw_problems(200), to_record(config)
     problems["rhat"][0] *= -1.0  # behind the camera: linearised at the minimum range
     ours = solved(filter.stationary, problems, settings)
     theirs = solved(filter.with_cpp, problems, settings, tmp_path)

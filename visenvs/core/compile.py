@@ -2,7 +2,7 @@
 
 Numba's own on-disk cache looks only at the file of the cached function, so an edit of a kernel that
 it calls in another file leaves stale machine code behind. Here the cache folder is named after the
-contents of all of visenvs' kernels: any edit starts a fresh folder, and nothing stale can be loaded.
+contents of all of visenvs' kernels: any edit starts a fresh folder, and nothing stale is loaded.
 """
 
 from __future__ import annotations
@@ -13,26 +13,31 @@ import tempfile
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, no_type_check
 
 import numba
+from numba.core import config
 
 PACKAGE = Path(__file__).resolve().parents[1]
-F = TypeVar("F", bound=Callable[..., Any])
+SETTINGS: Any = config  # Numba fills this module in when it is imported
 
 
-def kernel(function: F) -> F:
+def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a function for one lane, or a plain loop over lanes.
 
     `nogil`, cached on disk, `fastmath` off: results must not depend on how lanes are grouped.
     With `NUMBA_DISABLE_JIT=1` the function stays plain Python.
     """
-    chosen_by_user = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = chosen_by_user or str(cache_folder())
+    chosen_by_user = SETTINGS.CACHE_DIR
+    SETTINGS.CACHE_DIR = chosen_by_user or str(cache_folder())
     try:
         return numba.njit(cache=True, nogil=True, error_model="numpy", forceinline=True)(function)
     finally:
-        numba.config.CACHE_DIR = chosen_by_user
+        SETTINGS.CACHE_DIR = chosen_by_user
+
+
+# Numba types a kernel from what it is called with, so the type checker is told to leave it alone.
+kernel = no_type_check if TYPE_CHECKING else compiled
 
 
 @cache

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import json
 import math
 from collections.abc import Iterable, Mapping
 from functools import cache
@@ -47,7 +48,8 @@ def override(config: C, changes: Mapping[str, Any]) -> C:
     for name, value in changes.items():
         if name not in hints:
             raise ValueError(
-                f"{type(config).__name__} has no setting {name!r}{nearest(name, hints)} Settings: {', '.join(hints)}"
+                f"{type(config).__name__} has no setting {name!r}{nearest(name, hints)} "
+                f"Settings: {', '.join(hints)}"
             )
         checked[name] = _checked(type(config).__name__, name, hints[name], value)
     return dataclasses.replace(config, **checked)
@@ -62,14 +64,14 @@ def validate(config: Config) -> None:
 
 
 def require(config: Config, **conditions: bool) -> None:
-    """Raise a ValueError naming each setting whose condition is false (`require(self, dt=self.dt > 0)`)."""
+    """Raise a ValueError naming the settings that fail: `require(self, dt=self.dt > 0)`."""
     wrong = [f"{name}={getattr(config, name)!r}" for name, holds in conditions.items() if not holds]
     if wrong:
         raise ValueError(f"{type(config).__name__}: out of range: {', '.join(wrong)}")
 
 
 def to_record(config: Config) -> NDArray[Any]:
-    """One-element structured array with the same field names: floats f8, ints and choice codes i8."""
+    """One-element structured array with the same names: floats f8, ints and choice codes i8."""
     out = np.zeros(1, _record_dtype(type(config)))
     for name, hint in field_types(type(config)).items():
         value = getattr(config, name)
@@ -84,9 +86,7 @@ def code(config_type: type[Any], name: str, choice: str) -> int:
 
 def to_json(config: Config) -> dict[str, Any]:
     """The configuration as plain JSON types."""
-    return {
-        k: list(v) if isinstance(v, tuple) else v for k, v in dataclasses.asdict(config).items()
-    }  # type: ignore[call-overload]
+    return json.loads(json.dumps(dataclasses.asdict(config)))
 
 
 @cache
@@ -117,18 +117,16 @@ def _checked(owner: str, name: str, hint: Any, value: Any) -> Any:
         )
     if get_origin(hint) is tuple:
         size = len(get_args(hint))
-        if (
-            isinstance(value, str)
-            or not isinstance(value, Iterable)
-            or len(value := tuple(value)) != size
-        ):
+        single = isinstance(value, str) or not np.iterable(value)
+        items: tuple[Any, ...] = () if single else tuple(value)
+        if len(items) != size:
             raise ValueError(f"{owner}.{name}: expected {size} numbers, got {value!r}")
-        return tuple(_number(owner, name, float, item) for item in value)
+        return tuple(_number(owner, name, float, item) for item in items)
     return _number(owner, name, hint, value)
 
 
 def _number(owner: str, name: str, hint: type[Any], value: Any) -> float | int:
-    wanted = (int, np.integer) if hint is int else (int, float, np.integer, np.floating)
+    wanted: Any = (int, np.integer) if hint is int else (int, float, np.integer, np.floating)
     if isinstance(value, bool) or not isinstance(value, wanted) or not _finite(value):
         raise ValueError(f"{owner}.{name}: expected a finite {hint.__name__}, got {value!r}")
     return hint(value)

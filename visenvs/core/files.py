@@ -10,7 +10,7 @@ from typing import Any
 
 
 def check_writable(path: Path) -> None:
-    """Raise an OSError with the reason if a file cannot be written at `path`; leaves nothing behind."""
+    """Raise an OSError with the reason if a file cannot be written there; leaves nothing behind."""
     if not path.parent.is_dir():
         raise FileNotFoundError(
             f"cannot write {path}: no folder {path.parent}; write `mkdir -p {path.parent}`"
@@ -26,7 +26,7 @@ def check_writable(path: Path) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a file whole or not at all: to a temporary file beside it, which then takes its name."""
+    """Write a file whole or not at all: to a temporary file that then takes its name."""
     temporary = _temporary(path)
     try:
         temporary.write_text(text, encoding="utf-8")
@@ -37,7 +37,7 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_json(path: Path, content: Any) -> None:
-    """Write plain types as strict JSON, whole or not at all; numbers that are not finite become null."""
+    """Write plain types as strict JSON, whole or not at all; infinity and NaN become null."""
     write_text(path, json.dumps(_plain(content), indent=1, allow_nan=False) + "\n")
 
 

@@ -1,6 +1,7 @@
-"""Pinhole geometry with unit focal length: projection, its Jacobian, and the noise of an image point.
+"""Pinhole geometry with unit focal length: projection, Jacobian, and the noise of an image point.
 
-Image point (y, z) = (Y/X, Z/X) of the relative position in C, dimensionless (thesis (2.5)-(2.6), f = 1).
+Image point (y, z) = (Y/X, Z/X) of the relative position in C, dimensionless (thesis (2.5)-(2.6)
+with f = 1).
 It is geometry, so it lives in core: the filters measure with it and the guidance laws plan with it.
 """
 
@@ -12,7 +13,7 @@ from visenvs.core.frames import rotate
 
 @kernel
 def project(C, r, nearest):
-    """Depth X (m), not less than `nearest`, and image point (y, z) of a relative position in N (2.6)."""
+    """Depth X (m), at least `nearest`, and image point (y, z) of a relative position in N (2.6)."""
     depth, Y, Z = rotate(C, r)
     X = max(depth, nearest)
     return X, Y / X, Z / X

@@ -16,7 +16,7 @@ CHECKOUT = Path(__file__).resolve().parents[2]
 
 
 def provenance(program: str) -> dict[str, Any]:
-    """Versions, commit, date (UTC) and command line of `python -m program`, for the head of a file."""
+    """Versions, commit, date (UTC) and command line of `python -m program`."""
     return {
         "versions": versions(),
         "commit": commit(),
@@ -39,7 +39,7 @@ def versions() -> dict[str, str]:
 
 
 def commit(root: Path = CHECKOUT) -> str | None:
-    """The checkout's commit, with `-dirty` after it if files differ; None outside a git checkout."""
+    """The checkout's commit, with `-dirty` after it if files differ; None outside git."""
     if not (root / ".git").exists():
         return None
     command = [

@@ -31,8 +31,8 @@ class Law:
         source: paper and equations.
         needs: layout fields that it reads.
         settings: names of the environment's configuration that it reads.
-        decide: compiled (beliefs, settings, commands) -> None. `beliefs` are records of SI values by
-            layout name (n,), `settings` the configuration's record (1,), `commands` receives SI
+        decide: compiled (beliefs, settings, commands) -> None. `beliefs` are records of SI values
+            by layout name (n,), `settings` the configuration's record (1,), `commands` receives SI
             accelerations in N, shape (n, D). With a memory: (beliefs, settings, memory, commands).
         memory: how many numbers a row remembers from step to step, from the configuration's record
             and D; None for a law without memory. A row's memory is zeroed when an episode starts.
@@ -78,7 +78,7 @@ def laws() -> dict[str, Law]:
 
 @cache
 def find_law(name: str) -> Law | None:
-    """The law of that name, a member of a family such as `nsa-50` included; None where there is none."""
+    """The law of that name, also a member of a family such as `nsa-50`; None if there is none."""
     if name in laws():
         return laws()[name]
     families = (

@@ -1,4 +1,4 @@
-"""A vehicle as a point mass in N: double integrator under a commanded acceleration (thesis (2.1))."""
+"""A vehicle as a point mass in N: a double integrator under an acceleration (thesis (2.1))."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def saturate(a, limit, out):
 
 @kernel
 def move(r, v, a, dt):
-    """Advance position (m) and velocity (m/s), in place, under an acceleration held for `dt` s: exact."""
+    """Advance position (m) and velocity (m/s) under an acceleration held for `dt` s; exact."""
     for i in range(3):
         r[i] += dt * (v[i] + 0.5 * dt * a[i])
         v[i] += dt * a[i]

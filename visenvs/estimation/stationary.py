@@ -24,7 +24,7 @@ SCRATCH = np.dtype(
 
 @kernel
 def predict(rhat, P, moved, q_dt):
-    """Shift the estimate by the vehicle's own known displacement (3.9) and add process noise (3.10).
+    """Shift the estimate by the vehicle's known displacement (3.9) and add process noise (3.10).
 
     Args:
         rhat, P: estimate (3,), m, and covariance (3, 3), m^2; changed in place.
@@ -45,7 +45,8 @@ def update(rhat, P, C, y, z, settings, innovation, scratch):
 
     Args:
         C: camera attitude C_CN, (3, 3).
-        settings: record with sigma_range (m), sigma_angle, min_range (m), gate (standard deviations).
+        settings: record with sigma_range (m), sigma_angle, min_range (m), gate (standard
+            deviations).
         innovation: measured minus predicted image point, written here, shape (2,).
         scratch: a SCRATCH record.
     """

@@ -27,8 +27,8 @@ def best_plan(plan, settings, tape):
 def optimise(axes, plan, settings, tape):
     """Improve a plan (n, D) in place until no gain is left: L-BFGS, Armijo backtracking.
 
-    The first guess of the inverse Hessian is 1 / calB, exact for the price of the pushes. Returns the
-    predicted cost, m^2/s^3, and how often it was evaluated.
+    The first guess of the inverse Hessian is 1 / calB, exact for the price of the pushes. Returns
+    the predicted cost, m^2/s^3, and how often it was evaluated.
     """
     n, D = plan.shape
     x, work, pairs = plan.reshape(n * D), tape.work, tape.pairs
@@ -61,18 +61,25 @@ def optimise(axes, plan, settings, tape):
 
 @kernel
 def remember(x, g, tried, changed, pairs, dots, kept):
-    """Move to the point that was tried, and keep the pair of step and gradient change if it is convex."""
-    s, y = pairs[kept % MEMORY], pairs[MEMORY + kept % MEMORY]
+    """Move to the point that was tried; keep the step and the gradient's change if convex.
+
+    A new pair takes the place of the oldest; one that is not convex leaves all of them alone.
+    Returns how many have been kept so far.
+    """
     sy, ss, yy = 0.0, 0.0, 0.0
     for i in range(x.shape[0]):
-        s[i], y[i] = tried[i] - x[i], changed[i] - g[i]
-        sy += s[i] * y[i]
-        ss += s[i] * s[i]
-        yy += y[i] * y[i]
+        s, y = tried[i] - x[i], changed[i] - g[i]
+        sy += s * y
+        ss += s * s
+        yy += y * y
+    convex, m = sy > 1e-10 * math.sqrt(ss * yy), kept % MEMORY
+    for i in range(x.shape[0]):
+        if convex:
+            pairs[m, i], pairs[MEMORY + m, i] = tried[i] - x[i], changed[i] - g[i]
         x[i], g[i] = tried[i], changed[i]
-    if sy <= 1e-10 * math.sqrt(ss * yy):
+    if not convex:
         return kept
-    dots[0, kept % MEMORY] = sy
+    dots[0, m] = sy
     return kept + 1
 
 
@@ -84,7 +91,7 @@ def descent(g, tape, kept, d, D):
         d[i] = -g[i]
     for k in range(kept - 1, first - 1, -1):
         m = k % MEMORY
-        dots[1, m] = dot(pairs[m], d) / dots[0, m]
+        dots[1, m] = dot(d, pairs[m]) / dots[0, m]
         for i in range(d.shape[0]):
             d[i] -= dots[1, m] * pairs[MEMORY + m, i]
     scale = 1.0
@@ -98,7 +105,7 @@ def descent(g, tape, kept, d, D):
         d[i] *= scale / tape.table[i // D, 3]
     for k in range(first, kept):
         m = k % MEMORY
-        weight = dots[1, m] - dot(pairs[MEMORY + m], d) / dots[0, m]
+        weight = dots[1, m] - dot(d, pairs[MEMORY + m]) / dots[0, m]
         for i in range(d.shape[0]):
             d[i] += weight * pairs[m, i]
     return dot(g, d)
@@ -106,7 +113,7 @@ def descent(g, tape, kept, d, D):
 
 @kernel
 def dot(a, b):
-    """Inner product."""
+    """Inner product of a and the start of b, which may be longer: a tape holds any shorter plan."""
     total = 0.0
     for i in range(a.shape[0]):
         total += a[i] * b[i]

@@ -1,15 +1,19 @@
 """n-step-ahead (nSA) and p %-ahead guidance, solved exactly (thesis 4.3).
 
-At every step the law plans its pushes for the next n steps, flies the first one, and plans again with
-the rest as its first guess. `nsa` looks ahead to the terminal time, `nsa-N` N steps, and `ahead-P`
-P percent of the steps that are left (4.66). A horizon beyond the terminal time is cut there.
+At every step the law plans its pushes for the next n steps, flies the first one, and plans again
+with the rest as its first guess. `nsa` looks ahead to the terminal time, `nsa-N` N steps, and
+`ahead-P` P percent of the steps that are left (4.66). A horizon beyond the terminal time is cut
+there.
 
-The thesis solves this by sweeps of single pushes, cut off after N_max; the solution here is the minimum.
+The thesis solves this by sweeps of single pushes, cut off after N_max; the solution here is the
+minimum. Where the belief is the same to both sides of the flight path, so is the cost, and there is
+no push until an image favours one side.
 """
 
 from __future__ import annotations
 
 import re
+from functools import partial
 from typing import Any
 
 from visenvs.core.compile import kernel
@@ -18,16 +22,18 @@ from visenvs.guidance import lq
 from visenvs.guidance.descent import best_plan
 from visenvs.guidance.planner import begin, make_tape
 
+ALL = 2**31  # steps: more than are ever left
+
 
 @kernel
 def horizon(left, steps, percent):
-    """How many of the `left` steps to plan: at most `steps`, or `percent` of them where it is not negative."""
-    return int(percent / 100.0 * left + 0.5) if percent >= 0.0 else min(steps, left)
+    """How many of the `left` steps to plan: `percent` of them, or up to `steps` if it is negative."""
+    return int(percent * left / 100.0 + 0.5) if percent >= 0.0 else min(steps, left)
 
 
 @kernel
-def decide(beliefs, settings, steps, percent, memory, commands):
-    """The law for a batch of beliefs; `memory` holds each row's plan (steps to t_f x D) for a warm start."""
+def decide(steps, percent, beliefs, settings, memory, commands):
+    """The law for a batch of beliefs; a row's memory is its plan to t_f, the next warm start."""
     D, s = commands.shape[1], settings[0]
     most = memory.shape[1] // D
     tape = make_tape(most, D)
@@ -47,18 +53,14 @@ def decide(beliefs, settings, steps, percent, memory, commands):
 
 
 def law(name: str, summary: str, steps: int, percent: float) -> Law:
-    """The law with a horizon of `steps`, or of `percent` of what is left where that is not negative."""
-
-    def decide_ahead(beliefs: Any, settings: Any, memory: Any, commands: Any) -> None:
-        decide(beliefs, settings, steps, percent, memory, commands)
-
+    """The card for a horizon of `percent` of what is left, or of `steps` if that is negative."""
     return Law(
         name=name,
         summary=summary,
         source="thesis (4.53)-(4.62), its cost minimised with the exact gradient",
         needs=("rhat_TV_N", "chol", "v_V_N", "t_go"),
         settings=("dt", "t_f", "s_x", "s_v", "camera", "min_range", "sigma_range", "sigma_angle"),
-        decide=decide_ahead,
+        decide=partial(decide, steps, percent),
         memory=plan_size,
     )
 
@@ -71,23 +73,15 @@ def plan_size(settings: Any, D: int) -> int:
 def member(name: str) -> Law | None:
     """`nsa-N` with N steps, or `ahead-P` with P percent of the steps left; None for other names."""
     if found := re.fullmatch(r"nsa-(\d+)", name):
-        steps = int(found[1])
-        return law(name, f"pushes planned {steps} steps ahead, exactly", steps, -1.0)
+        return law(name, f"pushes planned exactly, n = {found[1]}", min(int(found[1]), ALL), -1.0)
     if found := re.fullmatch(r"ahead-(\d+(?:\.\d+)?)", name):
         percent = float(found[1])
         if percent > 100.0:
             raise ValueError(
                 f"{name}: a horizon is at most 100 percent of what is left; write ahead-100"
             )
-        return law(name, f"pushes planned over {percent:g} % of what is left, exactly", 0, percent)
+        return law(name, f"pushes planned exactly, p = {percent:g} %", 0, percent)
     return None
 
 
-LAWS = (
-    law(
-        "nsa",
-        "pushes planned to the terminal time, exactly (the full-horizon optimum)",
-        2**31,
-        -1.0,
-    ),
-)
+LAWS = (law("nsa", "pushes planned exactly, to the terminal time", ALL, -1.0),)

@@ -17,7 +17,7 @@ from visenvs.guidance.planner import PLANE, SPACE, begin, cost, gradient, make_t
 
 @kernel
 def slope(nothing, settings, tape, out):
-    """Write the gradient of the predicted cost at no push, (1, D), m/s; the tape holds the belief."""
+    """Write the gradient of the predicted cost at no push, (1, D), m/s, from a tape after `begin`."""
     if nothing.shape[1] == 2:
         cost(PLANE, nothing, settings, tape)
         gradient(PLANE, nothing, settings, tape, out)
@@ -44,7 +44,7 @@ def decide(beliefs, settings, commands):
 LAWS = (
     Law(
         name="osa",
-        summary="terminal guidance plus the push that makes the next image tell more (one step ahead)",
+        summary="terminal guidance plus the push that makes the next image tell more",
         source="thesis (4.35) with its H^T, exact gradient",
         needs=("rhat_TV_N", "chol", "v_V_N", "t_go"),
         settings=("dt", "s_x", "s_v", "camera", "min_range", "sigma_range", "sigma_angle"),

@@ -1,21 +1,22 @@
 """What a plan of extra pushes is expected to cost, with its exact gradient.
 
 A plan adds da_j to the terminal law's command at steps k + j, j = 0..n-1, of a vehicle that sees a
-stationary target. With zero residuals, and no image after step k + n, the part of the expected cost
-that depends on the plan is (thesis (4.59))
+stationary target. With zero residuals, no process noise and no image after step k + n, the part of
+the expected cost that depends on the plan is (thesis (4.59))
 
     sum_j  1/2 calB_j |da_j|^2  -  1/2 calS_j tr(P_j^- - P_j),
 
 P_j^- and P_j being the covariance before and after the image at step k + j + 1. The gradient is the
-adjoint of the closed loop and of the filter. P = A P^- A' + K r K', with A = I - K g', is stationary in
-an optimal gain K, so that with M the adjoint of P:
+adjoint of the closed loop and of the filter. P = A P^- A' + K r K', with A = I - K g', is
+stationary in an optimal gain K, so that with M the adjoint of P:
 
     adjoint of P^- = A' M A,    of g = -2 P M K,    of r = K' M K.
 
-Typed once for D = 2 or 3 axes: the filter's state is the relative position, the own velocity is known.
-Rows g are depth x Jacobian, g_i = c_i - h_i c_0 with c the camera's axes, which keeps r constant where
-the noise is that of a fixed size at the target. A gimbal that follows the estimate only turns the rows
-among themselves and has h = 0, so that the gradient for a held attitude is also its own.
+Typed once for D = 2 or 3 axes: the filter's state is the relative position, the own velocity is
+known. Rows g are depth x Jacobian, g_i = c_i - h_i c_0 with c the camera's axes, which keeps r
+constant where the noise is that of a fixed size at the target. A gimbal that follows the estimate
+only turns the rows about the line of sight and has h = 0, so that the gradient for a held attitude
+is also its own. In a plane the camera is fixed.
 """
 
 from __future__ import annotations
@@ -46,7 +47,8 @@ class Tape(NamedTuple):
         axis: the camera's optical axis at each image, (n, D).
         C: camera attitude, (D, D).
         M, L: adjoints of P, (D, D), and of the state with scratch behind, (3 D,).
-        pairs: L-BFGS steps and gradient changes, (2 MEMORY, n D); work: (4, n D); dots: (2, MEMORY).
+        pairs: L-BFGS steps, then gradient changes, (2 MEMORY, n D).
+        work: scratch of the search, (4, n D); dots: its inner products, (2, MEMORY).
     """
 
     table: Any
@@ -86,8 +88,8 @@ def make_tape(n, D):
 def prices(T, dt, s_x, s_v):
     """calS (1/s^3) and calB (s) of one axis for a step that ends with time to go T (4.30), (4.31).
 
-    calS is what a unit of position variance goes on to cost if no later image removes it; calB is the
-    price of a unit of squared push during the step.
+    calS is what a unit of position variance goes on to cost if no later image removes it; calB is
+    the price of a unit of squared push during the step.
     """
     m11, m12, m22 = terminal_weight(T, s_x, s_v)
     reach = dt * (0.5 * dt + T)
@@ -137,42 +139,48 @@ def cost(axes, plan, settings, tape):
         settings: record with dt, camera, min_range, sigma_range, sigma_angle.
         tape: after `begin`.
     """
-    D, dt = len(axes), settings["dt"]
-    total = 0.0
+    D, dt, total = len(axes), settings["dt"], 0.0
     for j in range(plan.shape[0]):
-        now, new, C = tape.states[j], tape.states[j + 1], tape.C
+        now, new = tape.states[j], tape.states[j + 1]
         for i in range(D):
             a = tape.table[j, 0] * now[i] - tape.table[j, 1] * now[D + i] + plan[j, i]
             total += 0.5 * tape.table[j, 3] * plan[j, i] * plan[j, i]
             new[i] = now[i] - dt * (now[D + i] + 0.5 * dt * a)
             new[D + i] = now[D + i] + dt * a
-        if D == 3 and settings["camera"] == GIMBAL:
-            camera_towards(new, C)
-        else:
-            identity(C)
-        depth = 0.0
-        for i in range(D):
-            depth += C[0, i] * new[i]
-            tape.axis[j, i] = C[0, i]
-        new[2 * D] = 1.0 if depth > BLIND * settings["min_range"] else 0.0
-        r = row_variance(depth, settings)[0]
-        for m in range(D - 1):
-            before = tape.P[j, m]
-            after = tape.P[j, m + 1] if m + 2 < D else tape.P[j + 1, 0]
-            if new[2 * D] > 0.0:
-                h = 0.0
-                for i in range(D):
-                    h += C[m + 1, i] * new[i]
-                for i in range(D):
-                    tape.G[j, m, i] = C[m + 1, i] - h / depth * C[0, i]
-                total -= (
-                    0.5 * tape.table[j, 2] * take(before, after, tape.G[j, m], r, tape.K[j, m], D)
-                )
-            else:
-                for i in range(D):
-                    for k in range(D):
-                        after[i, k] = before[i, k]
+        total -= 0.5 * tape.table[j, 2] * look(axes, settings, tape, j)
     return total
+
+
+@kernel
+def look(axes, settings, tape, j):
+    """Take the image that follows step j; returns what it takes off the covariance's trace, m^2."""
+    D, new, C = len(axes), tape.states[j + 1], tape.C
+    if D == 3 and settings["camera"] == GIMBAL:
+        camera_towards(new, C)
+    else:
+        identity(C)
+    depth, lost = 0.0, 0.0
+    for i in range(D):
+        depth += C[0, i] * new[i]
+        tape.axis[j, i] = C[0, i]
+    seen = depth > BLIND * settings["min_range"]
+    new[2 * D] = 1.0 if seen else 0.0
+    r = row_variance(depth, settings)[0] if seen else 0.0
+    for m in range(D - 1):
+        before = tape.P[j, m]
+        after = tape.P[j, m + 1] if m + 2 < D else tape.P[j + 1, 0]
+        if seen:
+            h = 0.0
+            for i in range(D):
+                h += C[m + 1, i] * new[i]
+            for i in range(D):
+                tape.G[j, m, i] = C[m + 1, i] - h / depth * C[0, i]
+            lost += take(before, after, tape.G[j, m], r, tape.K[j, m], D)
+        else:
+            for i in range(D):
+                for k in range(D):
+                    after[i, k] = before[i, k]
+    return lost
 
 
 @kernel
@@ -190,7 +198,7 @@ def row_variance(depth, settings):
 
 @kernel
 def take(before, after, g, r, gain, D):
-    """One scalar of an image: writes the covariance after it and its gain; returns what the trace loses."""
+    """Write the covariance after one scalar of an image, and its gain; returns the trace's loss."""
     S, lost = r, 0.0
     for i in range(D):
         gain[i] = 0.0
@@ -208,7 +216,7 @@ def take(before, after, g, r, gain, D):
 
 @kernel
 def gradient(axes, plan, settings, tape, out):
-    """Gradient of the predicted cost with the plan, (n, D), from the tape of `cost` for the same plan."""
+    """Write the gradient of the predicted cost, (n, D), from the tape of `cost` for this plan."""
     D, n, dt, M, L = len(axes), plan.shape[0], settings["dt"], tape.M, tape.L
     for i in range(D):
         L[i] = L[D + i] = 0.0

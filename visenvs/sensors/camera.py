@@ -23,7 +23,7 @@ def take_image(C, r, settings, seed, episode, step, stream, pixel):
         C: camera attitude C_CN, (3, 3).
         r: true position of the target relative to the camera in N, m, (3,).
         settings: record with min_range (m), half_width, p_detect, sigma_range (m), sigma_angle.
-        seed, episode, step, stream: name the draws (`core.noise`); draw 0 is noise, draw 1 detection.
+        seed, episode, step, stream: name the draws (`core.noise`): 0 for noise, 1 for detection.
         pixel: receives the measured (y, z), shape (2,).
     """
     X, y, z = project(C, r, settings["min_range"])
