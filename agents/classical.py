@@ -13,7 +13,7 @@ from .policy import NotApplicable, Rows, State
 
 
 class LawPolicy:
-    """A guidance law as a policy: row to belief to acceleration to action row.
+    """A guidance law as a policy: row to belief to command to action row.
 
     Built from the environment's public configuration and layouts only.
     """
@@ -21,8 +21,8 @@ class LawPolicy:
     def __init__(self, law: Law, task: Task, config: Config) -> None:
         absent = [name for name in law.needs if name not in task.observation.names]
         absent += [name for name in law.settings if name not in field_types(type(config))]
-        if "a_max" not in field_types(type(config)):
-            absent.append("a_max")
+        if law.limit not in {field.unit for field in task.action.fields}:
+            absent.append(f"actions in units of {law.limit}")
         if absent:
             raise NotApplicable(
                 f"{law.name} needs {', '.join(absent)}, which {task.id} does not give"
@@ -30,7 +30,7 @@ class LawPolicy:
         self.law = law
         self._task = task
         self._settings = to_record(config)
-        self._a_max = float(self._settings["a_max"][0])
+        self._limit = float(self._settings[law.limit][0])
         self._memory = law.memory(self._settings[0], task.action.size) if law.memory else 0
 
     def predict(
@@ -40,7 +40,7 @@ class LawPolicy:
         episode_start: NDArray[np.bool_] | None = None,
         deterministic: bool = True,
     ) -> tuple[Rows, State | None]:
-        """Commands of the law over the longest acceleration; longer ones keep their direction."""
+        """Commands of the law over the largest one; longer ones keep their direction."""
         beliefs = self._task.observation.records(observation)
         commands = np.zeros((len(beliefs), self._task.action.size))
         if self._memory:
@@ -51,7 +51,7 @@ class LawPolicy:
             self.law.decide(beliefs, self._settings, state, commands)
         else:
             self.law.decide(beliefs, self._settings, commands)
-        commands /= self._a_max
+        commands /= self._limit
         length = np.linalg.norm(commands, axis=1, keepdims=True)
         return (commands / np.maximum(length, 1.0)).astype(np.float32), state
 

@@ -67,6 +67,7 @@ def load(spec: str, task: Task, config: Config, trust: bool = False) -> Entry:
         NotApplicable: the policy cannot fly this environment.
         ValueError: there is no such policy, or the file is not one.
     """
+    task = task.under(config)
     if spec in BLIND:
         summary, make = BLIND[spec]
         return Entry(spec, make(task), "none", "blind", summary)
@@ -81,7 +82,8 @@ def load(spec: str, task: Task, config: Config, trust: bool = False) -> Entry:
         name = model.parent.name if model.name == "model.zip" else model.stem
         return _load_model(name or spec, model, task, config, trust)
     if ":" in spec:
-        return Entry(spec, _factory(spec)(task, config), "belief", "custom", "user's own")
+        seen = getattr(config, "observation", "belief")
+        return Entry(spec, _factory(spec)(task, config), seen, "custom", "user's own")
     known = names(task.id)
     raise ValueError(
         f"unknown policy {spec!r}{nearest(spec, known)} Known: {', '.join(known)}; "

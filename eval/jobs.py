@@ -66,7 +66,7 @@ def plan_scene(
     scenario: str | None,
     estimator: str | None,
     policies: Sequence[str] | None,
-    reference: str,
+    reference: str | None,
     trust: bool = False,
 ) -> Scene:
     """Load every policy of a scene; a ValueError tells what is unknown or broken.
@@ -76,11 +76,13 @@ def plan_scene(
         scenario: named preset, None for the first.
         estimator: of every policy; None for the scenario's own, and the laws once more on truth.
         policies: names, model files or `module:factory`; None for those that ship.
-        reference: the policy to compare with; flown too if it is not among the others.
+        reference: the policy to compare with, None for the task's own; flown too if it is not among
+            the others.
         trust: whether code in model files may run.
     """
     task = load_task(env)
     scenario = scenario or next(iter(task.scenarios))
+    reference = reference or task.reference
     config = pick(f"scenario of {env}", scenario, task.scenarios)
     if estimator is not None:
         config = override(config, {"estimator": estimator})

@@ -41,8 +41,8 @@ class Options:
     """How many of the public seeds to fly, from the first on."""
     estimator: str | None = None
     """Estimator of every policy; if not given, the scenario's, and the laws again on the truth."""
-    reference: str = "lq"
-    """Policy that the others are compared with."""
+    reference: str | None = None
+    """Policy that the others are compared with; each environment's own reference if not given."""
     json: Path | None = None
     """Write the rows here."""
     html: Path | None = None

@@ -30,6 +30,8 @@ class Options:
     """episodes for each figure that has chance in it, on the first public seeds"""
     json: Path | None = None
     """where to write the rows"""
+    plots: Path | None = None
+    """folder for the pictures of the cases that have one"""
 
 
 def main(options: Options) -> None:
@@ -37,11 +39,15 @@ def main(options: Options) -> None:
     public_seeds(options.episodes)
     if options.json is not None:
         check_writable(options.json)
+    if options.plots is not None:
+        check_writable(options.plots / "any")
     known = cases()
     chosen = {name: pick("case", name, known) for name in options.cases or known}
     rows: list[Row] = []
-    for make in track(chosen.values(), "flying", transient=True, console=Console(stderr=True)):
-        rows += make(options.episodes)
+    for case in track(chosen.values(), "flying", transient=True, console=Console(stderr=True)):
+        rows += case.rows(options.episodes)
+        if options.plots is not None and hasattr(case, "plot"):
+            print(f"written: {case.plot(options.plots, options.episodes)}")
     Console().print(table(rows))
     if options.json is not None:
         seeds = {"first": PUBLIC_SEEDS[0], "count": options.episodes}

@@ -6,7 +6,7 @@ minus its cost), small exploration noise, since accelerations of a fraction of t
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 Algo = Literal["ppo", "sac", "td3", "recurrent_ppo"]
@@ -59,9 +59,29 @@ DEFAULTS: dict[Algo, Preset] = {
     "td3": Preset(64, OFF_POLICY | {"learning_starts": 20_000}, SMALL),
 }
 
-RENDEZVOUS = "visenvs/Rendezvous-v0"
+TERMINAL = Preset(256, ON_POLICY, SMALL | {"log_std_init": -1.5}, reward_floor=-3.0)
+# A push to either side is as good here: only noise as large as the pushes finds out that both are.
+SIDES = Preset(
+    256,
+    ON_POLICY | {"n_steps": 100, "gae_lambda": 0.99},
+    SMALL | {"log_std_init": 0.0},
+    reward_floor=-1.0,
+)
+RECALL = DEFAULTS["recurrent_ppo"]
 PRESETS: dict[tuple[str, Algo], Preset] = {
-    (RENDEZVOUS, "ppo"): Preset(256, ON_POLICY, SMALL | {"log_std_init": -1.5}, reward_floor=-3.0),
+    ("visenvs/Rendezvous-v0", "ppo"): TERMINAL,
+    ("visenvs/Tracking2D-v0", "ppo"): SIDES,
+    ("visenvs/Tracking2D-v0", "recurrent_ppo"): replace(
+        RECALL,
+        model=RECALL.model | {"gae_lambda": 0.99},
+        policy=RECALL.policy | {"log_std_init": -0.7},
+        reward_floor=-1.0,
+    ),
+    ("visenvs/BearingsOnly-v0", "ppo"): Preset(
+        256,
+        ON_POLICY | {"n_steps": 150, "gamma": 0.99},
+        SMALL | {"log_std_init": -0.5},
+    ),
 }
 
 

@@ -118,7 +118,7 @@ def train(options: Options) -> None:
     )
     print(
         f"try it: python -m eval.leaderboard --env {options.env} "
-        f"--policies lq,osa,{options.out / 'model.zip'}"
+        f"--policies {task.reference},{options.out / 'model.zip'}"
     )
 
 
@@ -233,7 +233,7 @@ def card(
         "env": task.id,
         "scenario": scenario,
         "estimator": run["config"].get("estimator"),
-        "information": "belief",
+        "information": run["config"].get("observation", "belief"),
         "algo": options.algo,
         "residual": None if options.residual is None else {"law": options.residual, "scale": scale},
         "policy": preset.policy,

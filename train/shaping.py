@@ -14,10 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visenvs.core.compile import kernel
-from visenvs.core.config import Config, to_record
+from visenvs.core.config import Config, field_types, to_record
 from visenvs.core.lanes import Task
 from visenvs.guidance.lq import cost_to_go
 
+LANE = ("r_TV_N", "v_V_N", "t_go")
+SETTINGS = ("s_x", "s_v")
 Potential = Callable[[NDArray[Any]], NDArray[np.float64]]
 
 
@@ -29,8 +31,15 @@ def terminal_costs(lanes, settings, out):
         out[i] = cost_to_go(lane["r_TV_N"], lane["v_V_N"], lane["t_go"], s["s_x"], s["s_v"])
 
 
-def rendezvous(config: Config) -> Potential:
-    """Minus the least cost to go with perfect information (thesis (4.10))."""
+def potential_of(task: Task, config: Config) -> Potential | None:
+    """Minus the least cost to go with perfect information (thesis (4.10)), or None.
+
+    For every task with a terminal cost of position and velocity: the names tell.
+    """
+    if not set(LANE) <= set(task.lane.names or ()) or not set(SETTINGS) <= set(
+        field_types(type(config))
+    ):
+        return None
     settings = to_record(config)
 
     def potential(lanes: NDArray[Any]) -> NDArray[np.float64]:
@@ -39,12 +48,3 @@ def rendezvous(config: Config) -> Potential:
         return -out
 
     return potential
-
-
-POTENTIALS = {"visenvs/Rendezvous-v0": rendezvous}
-
-
-def potential_of(task: Task, config: Config) -> Potential | None:
-    """The potential of a task, or None where it has none."""
-    make = POTENTIALS.get(task.id)
-    return make(config) if make else None

@@ -42,7 +42,7 @@ class LaneVecEnv(VecEnv):
         potential: Potential | None = None,
         reward_floor: float = -np.inf,
     ) -> None:
-        count = len(seeds)
+        count, task = len(seeds), task.under(config)
         self.render_mode = None
         super().__init__(count, deepcopy(task.observation.space), deepcopy(task.action.space))
         self.lanes = Lanes(task, config, count)

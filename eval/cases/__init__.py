@@ -6,6 +6,7 @@ import importlib
 import pkgutil
 from collections.abc import Callable
 from dataclasses import dataclass
+from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,13 +41,11 @@ class Row:
         return bool(low <= self.ours <= (np.inf if self.high is None else self.high))
 
 
-def cases() -> dict[str, Callable[[int], list[Row]]]:
-    """Every case by name: episodes -> rows."""
-    modules = [
-        importlib.import_module(f"{__name__}.{info.name}")
-        for info in pkgutil.iter_modules(__path__)
-    ]
-    return {module.CASE: module.rows for module in modules}
+def cases() -> dict[str, ModuleType]:
+    """Every case by name: a module with `rows(episodes)` and, some, `plot(folder, episodes)`."""
+    files = [info.name for info in pkgutil.iter_modules(__path__) if not info.name.startswith("_")]
+    modules = [importlib.import_module(f"{__name__}.{name}") for name in files]
+    return {module.CASE: module for module in modules}
 
 
 def standard_error(

@@ -42,7 +42,8 @@ class Case:
 
     @property
     def task(self):
-        return registry.load_task(self.env_id)
+        task = registry.load_task(self.env_id)
+        return task.under(override(task.scenarios[self.scenario], self.settings))
 
     def lanes(self, count, **changes):
         preset = self.task.scenarios[self.scenario]

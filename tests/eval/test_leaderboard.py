@@ -330,3 +330,12 @@ def test_figures_have_three_digits(value, text):
 
 def test_shares_are_percent():
     assert (share(None), share(0.659), share(1.0)) == ("-", "65.9 %", "100.0 %")
+
+
+def test_each_environment_has_a_reference_of_its_own():
+    assert plan_scene(ENV, None, "ekf", ["zero"], None).reference == "lq"
+    scene = plan_scene("visenvs/BearingsOnly-v0", None, None, ["zero", "lq"], None)
+    assert scene.reference == "straight"
+    flying = {job.policy: job.entry is not None for job in scene.jobs}
+    assert flying == {"zero": True, "lq": False, "straight": True}
+    assert plan_scene(ENV, None, "ekf", ["zero"], "pn").reference == "pn"

@@ -9,7 +9,8 @@ from visenvs.core.config import override
 from visenvs.core.lanes import Lanes
 from visenvs.core.registry import load_task
 from visenvs.render import rendezvous
-from visenvs.render.rendezvous import draw, figures, predicted_point
+from visenvs.render.rendezvous import draw, predicted_point
+from visenvs.render.scene import figures
 from visenvs.render.style import GREEN, MIDDLE_BLUE, PALE_BLUE, VERMILLION, WHITE
 
 TASK = load_task("visenvs/Rendezvous-v0")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -48,6 +48,9 @@ class Task:
         step_lanes: compiled (lanes, actions, config) -> None; advances every lane that is running.
         max_steps: from the config, after how many steps a running lane is cut off; 0 for never.
         picture: "module:function" that draws one lane record, imported when a frame is asked for.
+        views: observation layouts by the choices of the configuration's `observation`; empty where
+            there is only one.
+        reference: the law that the leaderboard compares the others with.
     """
 
     id: str
@@ -62,6 +65,13 @@ class Task:
     step_lanes: Callable[..., None]
     max_steps: Callable[[Any], int]
     picture: str = field(default="")
+    views: Mapping[str, Layout] = field(default_factory=dict[str, Layout])
+    reference: str = "lq"
+
+    def under(self, config: Config) -> Task:
+        """The card with the observation that a configuration asks for."""
+        view = self.views.get(getattr(config, "observation", ""), self.observation)
+        return self if view is self.observation else replace(self, observation=view)
 
 
 class Lanes:
@@ -78,7 +88,7 @@ class Lanes:
     def __init__(self, task: Task, config: Config, count: int) -> None:
         if count < 1:
             raise ValueError(f"the number of lanes must be at least 1, got {count}")
-        self.task = task
+        self.task = task = task.under(config)
         self.config = config
         self.records: NDArray[Any] = np.zeros(count, task.lane)
         self.rows: Row = np.zeros((count, task.observation.size), np.float32)

@@ -33,9 +33,11 @@ class Law:
         settings: names of the environment's configuration that it reads.
         decide: compiled (beliefs, settings, commands) -> None. `beliefs` are records of SI values
             by layout name (n,), `settings` the configuration's record (1,), `commands` receives SI
-            accelerations in N, shape (n, D). With a memory: (beliefs, settings, memory, commands).
+            commands, shape (n, D). With a memory: (beliefs, settings, memory, commands).
         memory: how many numbers a row remembers from step to step, from the configuration's record
             and D; None for a law without memory. A row's memory is zeroed when an episode starts.
+        limit: setting that holds the largest command, and so tells what is commanded: "a_max" for
+            accelerations in N. It is the unit of the action's layout.
     """
 
     name: str
@@ -45,6 +47,7 @@ class Law:
     settings: tuple[str, ...]
     decide: Callable[..., None]
     memory: Callable[[Any, int], int] | None = None
+    limit: str = "a_max"
 
 
 @cache

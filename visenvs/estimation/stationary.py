@@ -27,11 +27,11 @@ def predict(rhat, P, moved, q_dt):
     """Shift the estimate by the vehicle's known displacement (3.9) and add process noise (3.10).
 
     Args:
-        rhat, P: estimate (3,), m, and covariance (3, 3), m^2; changed in place.
-        moved: displacement of the vehicle during the step in N, m, shape (3,).
+        rhat, P: estimate (D,), m, and covariance (D, D), m^2; changed in place.
+        moved: displacement of the vehicle during the step in N, m, shape (D,).
         q_dt: process noise variance of the step, m^2.
     """
-    for i in range(3):
+    for i in range(rhat.shape[0]):
         rhat[i] -= moved[i]
         P[i, i] += q_dt
 

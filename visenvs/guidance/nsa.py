@@ -6,7 +6,7 @@ with the rest as its first guess. `nsa` looks ahead to the terminal time, `nsa-N
 there.
 
 The thesis solves this by sweeps of single pushes, cut off after N_max; the solution here is the
-minimum. Where the belief is the same to both sides of the flight path, so is the cost, and there is
+minimum. Names that end in `-gs` fly the thesis's sweeps, for reproduction (`gauss_seidel.py`). Where the belief is the same to both sides of the flight path, so is the cost, and there is
 no push until an image favours one side.
 """
 
@@ -20,6 +20,7 @@ from visenvs.core.compile import kernel
 from visenvs.core.registry import Law
 from visenvs.guidance import lq
 from visenvs.guidance.descent import best_plan
+from visenvs.guidance.gauss_seidel import swept_plan
 from visenvs.guidance.planner import begin, make_tape
 
 ALL = 2**31  # steps: more than are ever left
@@ -27,12 +28,12 @@ ALL = 2**31  # steps: more than are ever left
 
 @kernel
 def horizon(left, steps, percent):
-    """How many of the `left` steps to plan: `percent` of them, or up to `steps` if it is negative."""
+    """How many of the `left` steps to plan: `percent` of them, or up to `steps` if negative."""
     return int(percent * left / 100.0 + 0.5) if percent >= 0.0 else min(steps, left)
 
 
 @kernel
-def decide(steps, percent, beliefs, settings, memory, commands):
+def decide(steps, percent, sweeps, beliefs, settings, memory, commands):
     """The law for a batch of beliefs; a row's memory is its plan to t_f, the next warm start."""
     D, s = commands.shape[1], settings[0]
     most = memory.shape[1] // D
@@ -45,22 +46,27 @@ def decide(steps, percent, beliefs, settings, memory, commands):
         if n == 0:
             continue
         begin(X, V, b["chol"], T, s, n, tape)
-        best_plan(plans[:n], s, tape)
+        if sweeps:
+            swept_plan(plans[:n], s, tape)
+        else:
+            best_plan(plans[:n], s, tape)
         for k in range(D):
             commands[i, k] += plans[0, k]
             for j in range(most - 1):
                 plans[j, k] = plans[j + 1, k] if j + 1 < n else 0.0
 
 
-def law(name: str, summary: str, steps: int, percent: float) -> Law:
+def law(name: str, steps: int, percent: float, sweeps: bool) -> Law:
     """The card for a horizon of `percent` of what is left, or of `steps` if that is negative."""
+    how = "by the thesis's truncated sweeps" if sweeps else "exactly"
+    ahead = f"p = {percent:g} %" if percent >= 0.0 else "to t_f" if steps == ALL else f"n = {steps}"
     return Law(
         name=name,
-        summary=summary,
-        source="thesis (4.53)-(4.62), its cost minimised with the exact gradient",
+        summary=f"pushes planned {how}, {ahead}",
+        source="thesis (4.53)-(4.62)",
         needs=("rhat_TV_N", "chol", "v_V_N", "t_go"),
         settings=("dt", "t_f", "s_x", "s_v", "camera", "min_range", "sigma_range", "sigma_angle"),
-        decide=partial(decide, steps, percent),
+        decide=partial(decide, steps, percent, sweeps),
         memory=plan_size,
     )
 
@@ -72,16 +78,18 @@ def plan_size(settings: Any, D: int) -> int:
 
 def member(name: str) -> Law | None:
     """`nsa-N` with N steps, or `ahead-P` with P percent of the steps left; None for other names."""
-    if found := re.fullmatch(r"nsa-(\d+)", name):
-        return law(name, f"pushes planned exactly, n = {found[1]}", min(int(found[1]), ALL), -1.0)
-    if found := re.fullmatch(r"ahead-(\d+(?:\.\d+)?)", name):
+    sweeps = name.endswith("-gs")
+    stem = name.removesuffix("-gs")
+    if found := re.fullmatch(r"nsa-(\d+)", stem):
+        return law(name, min(int(found[1]), ALL), -1.0, sweeps)
+    if found := re.fullmatch(r"ahead-(\d+(?:\.\d+)?)", stem):
         percent = float(found[1])
         if percent > 100.0:
             raise ValueError(
                 f"{name}: a horizon is at most 100 percent of what is left; write ahead-100"
             )
-        return law(name, f"pushes planned exactly, p = {percent:g} %", 0, percent)
+        return law(name, 0, percent, sweeps)
     return None
 
 
-LAWS = (law("nsa", "pushes planned exactly, to the terminal time", ALL, -1.0),)
+LAWS = (law("nsa", ALL, -1.0, False),)

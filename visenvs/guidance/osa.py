@@ -17,7 +17,7 @@ from visenvs.guidance.planner import PLANE, SPACE, begin, cost, gradient, make_t
 
 @kernel
 def slope(nothing, settings, tape, out):
-    """Write the gradient of the predicted cost at no push, (1, D), m/s, from a tape after `begin`."""
+    """Write the gradient of the predicted cost at no push, (1, D), m/s, after `begin`."""
     if nothing.shape[1] == 2:
         cost(PLANE, nothing, settings, tape)
         gradient(PLANE, nothing, settings, tape, out)

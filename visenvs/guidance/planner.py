@@ -141,46 +141,46 @@ def cost(axes, plan, settings, tape):
     """
     D, dt, total = len(axes), settings["dt"], 0.0
     for j in range(plan.shape[0]):
-        now, new = tape.states[j], tape.states[j + 1]
+        now, new, C = tape.states[j], tape.states[j + 1], tape.C
         for i in range(D):
             a = tape.table[j, 0] * now[i] - tape.table[j, 1] * now[D + i] + plan[j, i]
             total += 0.5 * tape.table[j, 3] * plan[j, i] * plan[j, i]
             new[i] = now[i] - dt * (now[D + i] + 0.5 * dt * a)
             new[D + i] = now[D + i] + dt * a
-        total -= 0.5 * tape.table[j, 2] * look(axes, settings, tape, j)
+        depth = point(axes, settings, new, C, tape.axis[j])
+        new[2 * D] = 1.0 if depth > BLIND * settings["min_range"] else 0.0
+        for m in range(D - 1):
+            before = tape.P[j, m]
+            after = tape.P[j, m + 1] if m + 2 < D else tape.P[j + 1, 0]
+            if new[2 * D] > 0.0:
+                h = 0.0
+                for i in range(D):
+                    h += C[m + 1, i] * new[i]
+                for i in range(D):
+                    tape.G[j, m, i] = C[m + 1, i] - h / depth * C[0, i]
+                r = row_variance(depth, settings)[0]
+                lost = take(before, after, tape.G[j, m], r, tape.K[j, m], D)
+                total -= 0.5 * tape.table[j, 2] * lost
+            else:
+                for i in range(D):
+                    for k in range(D):
+                        after[i, k] = before[i, k]
     return total
 
 
 @kernel
-def look(axes, settings, tape, j):
-    """Take the image that follows step j; returns what it takes off the covariance's trace, m^2."""
-    D, new, C = len(axes), tape.states[j + 1], tape.C
+def point(axes, settings, new, C, axis):
+    """Turn the camera for an image of `new`: writes its attitude and axis; returns the depth, m."""
+    D = len(axes)
     if D == 3 and settings["camera"] == GIMBAL:
         camera_towards(new, C)
     else:
         identity(C)
-    depth, lost = 0.0, 0.0
+    depth = 0.0
     for i in range(D):
         depth += C[0, i] * new[i]
-        tape.axis[j, i] = C[0, i]
-    seen = depth > BLIND * settings["min_range"]
-    new[2 * D] = 1.0 if seen else 0.0
-    r = row_variance(depth, settings)[0] if seen else 0.0
-    for m in range(D - 1):
-        before = tape.P[j, m]
-        after = tape.P[j, m + 1] if m + 2 < D else tape.P[j + 1, 0]
-        if seen:
-            h = 0.0
-            for i in range(D):
-                h += C[m + 1, i] * new[i]
-            for i in range(D):
-                tape.G[j, m, i] = C[m + 1, i] - h / depth * C[0, i]
-            lost += take(before, after, tape.G[j, m], r, tape.K[j, m], D)
-        else:
-            for i in range(D):
-                for k in range(D):
-                    after[i, k] = before[i, k]
-    return lost
+        axis[i] = C[0, i]
+    return depth
 
 
 @kernel

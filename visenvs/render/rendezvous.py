@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from visenvs.core.config import to_record
 from visenvs.core.lanes import Task
-from visenvs.core.outcome import Outcome
 from visenvs.core.pinhole import jacobian, project
 from visenvs.envs.rendezvous import RendezvousConfig
 from visenvs.render import style
 from visenvs.render.canvas import NOTHING, Panel, Points
+from visenvs.render.scene import draw_plane, draw_status
 from visenvs.render.style import Image, head, write
 
 WIDTH, HEIGHT = 960, 540
@@ -27,14 +27,7 @@ STATUS = (774, 256, 170, 250)
 EAST_NORTH = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
 MARGIN = 0.25  # around start and target, in distances between them
 WIDEST = 1.5  # half width of the camera picture for lenses that see more, focal lengths
-ARROW_TIME = 0.1  # arrows show the displacement in this fraction of the episode
 WEDGE = 100.0  # reach of the field of view in the plots, pixels
-
-ENDINGS = {
-    Outcome.SUCCESS: ("success", style.GREEN),
-    Outcome.MISS: ("miss", style.VERMILLION),
-    Outcome.DIVERGED: ("diverged", style.VERMILLION),
-}
 
 
 def draw(
@@ -55,10 +48,11 @@ def draw(
     top, side = windows(image, record, config, task, along)
     path = np.zeros((0, 3)) if trail is None else np.vstack([trail["r_V_N"], record["r_V_N"]])
     with np.errstate(invalid="ignore", over="ignore"):  # the last record of a diverged lane
-        draw_plane(top, EAST_NORTH, record, config, path)
-        draw_plane(side, along, record, config, path)
+        for panel, rows in ((top, EAST_NORTH), (side, along)):
+            wedge = field_of_view(panel, rows, record, config)
+            draw_plane(panel, rows, record, config, path, wedge)
         draw_camera(image, record, config)
-        draw_status(image, record, config)
+        draw_status(image, record, config, STATUS)
     top.labels("east (m)", "north (m)")
     side.labels("towards the target (m)", "height (m)")
     return image
@@ -104,38 +98,6 @@ def windows(
         centres.append((float(low[0] + high[0]) / 2, float(low[1] + high[1]) / 2))
         scale = min(scale, *(np.array([width, height]) / (high - low)).tolist())
     return Panel(image, *TOP_VIEW, centres[0], scale), Panel(image, *SIDE_VIEW, centres[1], scale)
-
-
-def draw_plane(
-    panel: Panel, rows: Points, record: np.void, config: RendezvousConfig, path: Points
-) -> None:
-    """Draw the scene in a plane: `rows` (2, 3) maps N to (right, up)."""
-    vehicle, target = rows @ record["r_V_N"], rows @ record["r_T_N"]
-    estimate = vehicle + rows @ record["rhat_TV_N"]
-    velocity, acceleration = rows @ record["v_V_N"], rows @ record["a_V_N"]
-    wide, narrow = (panel.ellipse(estimate, rows @ record["P"] @ rows.T, n) for n in (3.0, 1.0))
-    wedge = field_of_view(panel, rows, record, config)
-    tau = ARROW_TIME * config.t_f
-    panel.clear()
-    panel.fill(wedge, style.SAND)
-    panel.fill(wide, style.PALE_BLUE)
-    panel.fill(narrow, style.MIDDLE_BLUE)
-    panel.grid()
-    panel.line(wedge, style.DARK_SAND, 1, closed=True)
-    panel.line(wide, style.BLUE, 1, closed=True)
-    panel.line(narrow, style.BLUE, 1, closed=True)
-    panel.path(path @ rows.T, style.GREY)
-    panel.arrow(vehicle, tau * velocity, style.INK)
-    panel.arrow(vehicle, tau**2 / 2 * acceleration, style.GREEN)
-    panel.dart(vehicle, velocity, style.INK)
-    panel.disc(target, config.success_radius * panel.scale, style.VERMILLION, 1)
-    panel.disc(target, 5.5, style.WHITE)
-    panel.disc(target, 4.5, style.VERMILLION)
-    panel.reticle(estimate, style.BLUE)
-    panel.pointer(vehicle, style.INK)
-    panel.pointer(target, style.VERMILLION)
-    panel.pointer(estimate, style.BLUE)
-    panel.border()
 
 
 def field_of_view(panel: Panel, rows: Points, record: np.void, config: RendezvousConfig) -> Points:
@@ -187,39 +149,6 @@ def predicted_point(record: np.void, config: RendezvousConfig) -> tuple[Points, 
     return np.array([y, -z]), H @ record["P"] @ H.T
 
 
-def draw_status(image: Image, record: np.void, config: RendezvousConfig) -> None:
-    """Write time to go, ranges, cost and how the episode ended."""
-    left, top, width, height = STATUS
-    rhat = record["rhat_TV_N"]
-    distance = float(np.linalg.norm(rhat))
-    sight = rhat / max(distance, 1e-12)
-    sigma = math.sqrt(max(float(sight @ record["P"] @ sight), 0.0))
-    true_range = float(np.linalg.norm(record["r_TV_N"]))
-    rows = (
-        ("time to go", f"{record['t_go']:.1f} s", style.INK),
-        ("estimated range", f"{figures(distance)} ± {figures(sigma)} m", style.BLUE),
-        ("true range", f"{figures(true_range)} m", style.VERMILLION),
-        ("cost so far", f"{figures(float(record['total_cost']))} m²/s³", style.INK),
-    )
-    for line, (name, value, colour) in enumerate(rows):
-        y = top + 12 + 46 * line
-        write(image, name, (left, y), 13, style.GREY)
-        write(image, value, (left, y + 21), 19, colour)
-    bar = Panel(image, left + 80, top + 22, width - 80, 5)
-    bar.clear(style.GRID)
-    share = min(max(float(np.nan_to_num(record["t_go"])) / config.t_f, 0.0), 1.0)
-    style.paint(bar.view[:, : round(bar.width * share)], style.INK)
-    write(image, f"seed {record['seed']}", (left, top + 12 + 46 * 4), 13, style.GREY)
-    outcome = Outcome(int(record["outcome"]))
-    if outcome in ENDINGS:
-        name, colour = ENDINGS[outcome]
-        miss = float(record["miss_distance"])
-        chip = Panel(image, left, top + height - 30, width, 30)
-        chip.clear(colour)
-        text = name if outcome == Outcome.DIVERGED else f"{name}: {figures(miss)} m off"
-        write(image, text, (left + 10, chip.top + 20), 15, style.WHITE)
-
-
 def draw_legend(image: Image) -> None:
     """Name the marks along the top."""
     icons = [Panel(image, left, 12, 26, 24) for left in (196, 284, 374, 492, 572, 720, 836)]
@@ -244,13 +173,3 @@ def draw_legend(image: Image) -> None:
     icons[6].cross((3.0, 0.0), style.INK)
     for icon, name in zip(icons, names, strict=True):
         write(image, name, (icon.left + 30, 29), 13, style.GREY)
-
-
-def figures(value: float) -> str:
-    """A number for display: two decimals below ten, one below a thousand; "?" if not finite."""
-    if not math.isfinite(value):
-        return "?"
-    size = abs(value)
-    if size >= 1e6:
-        return f"{value:.2e}"
-    return f"{value:,.{2 if size < 10 else 1 if size < 1000 else 0}f}"

@@ -1,0 +1,166 @@
+"""The picture of a bearings-only episode: seen from above, with the estimate's ellipses."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from visenvs.core.config import to_record
+from visenvs.core.lanes import Task
+from visenvs.core.outcome import Outcome
+from visenvs.envs.bearings_only import BearingsOnlyConfig
+from visenvs.render import style
+from visenvs.render.canvas import Panel, Points
+from visenvs.render.scene import ARROW_TIME, ENDINGS, figures
+from visenvs.render.style import Image, head, write
+
+WIDTH, HEIGHT = 960, 540
+TOP_VIEW = (60, 66, 690, 440)  # left, top, width, height of the plot, pixels
+STATUS = (774, 66, 170, 440)
+
+MARGIN = 0.15  # around both paths, in lengths of the window
+REACH = 1.5  # length of the measured bearing's line, estimated ranges
+
+
+def draw(
+    record: np.void, config: BearingsOnlyConfig, task: Task, trail: NDArray[Any] | None = None
+) -> Image:
+    """Draw one lane record, RGB, shape (540, 960, 3).
+
+    The window stays the same throughout an episode: it follows from the record's seed and episode.
+
+    Args:
+        record: lane record of the task.
+        config: its configuration.
+        task: its card, which finds the start of the episode again.
+        trail: earlier records of the episode, shape (n,), for the paths flown; None for no paths.
+    """
+    image = background().copy()
+    panel = window(image, record, config, task)
+    past = np.zeros(0, task.lane) if trail is None else np.append(trail, record)
+    with np.errstate(invalid="ignore", over="ignore"):  # the last record of a diverged lane
+        draw_plane(panel, record, config, past)
+        draw_status(image, record, config)
+    panel.labels("east (m)", "north (m)")
+    return image
+
+
+@cache
+def background() -> Image:
+    """What no record changes: headings and legend."""
+    image = np.empty((HEIGHT, WIDTH, 3), np.uint8)
+    style.paint(image, style.PAPER)
+    head(image, "Bearings only", (16, 29), 19)
+    head(image, "Top view", (TOP_VIEW[0], TOP_VIEW[1] - 8))
+    draw_legend(image)
+    return image
+
+
+def window(image: Image, record: np.void, config: BearingsOnlyConfig, task: Task) -> Panel:
+    """Top view of the start, the first estimate, and the target's whole way, with a margin."""
+    first = np.zeros(1, task.lane)
+    first["seed"], first["episode"] = record["seed"], record["episode"]
+    task.reset_lanes(first, to_record(config))
+    target = first["r_TV_N"][0]
+    final = target + config.t_f * first["v_T_N"][0]
+    points = np.array([np.zeros(2), first["rhat_TV_N"][0], target, final])[:, ::-1]
+    low, high = points.min(axis=0), points.max(axis=0)
+    margin = MARGIN * float(np.max(high - low))
+    room = np.array(TOP_VIEW[2:])
+    scale = float(np.min(room / (high - low + 2 * margin)))
+    centre = (float(low[0] + high[0]) / 2, float(low[1] + high[1]) / 2)
+    return Panel(image, *TOP_VIEW, centre, scale)
+
+
+def draw_plane(
+    panel: Panel, record: np.void, config: BearingsOnlyConfig, past: NDArray[Any]
+) -> None:
+    """Draw observer, target, estimate and last bearing in (east, north)."""
+    observer = record["r_V_N"][::-1]
+    target = observer + record["r_TV_N"][::-1]
+    estimate = observer + record["rhat_TV_N"][::-1]
+    covariance = record["P"][1::-1, 1::-1]
+    wide, narrow = (panel.ellipse(estimate, covariance, n) for n in (3.0, 1.0))
+    tau = ARROW_TIME * config.t_f
+    panel.clear()
+    panel.fill(wide, style.PALE_BLUE)
+    panel.fill(narrow, style.MIDDLE_BLUE)
+    panel.grid()
+    panel.line(wide, style.BLUE, 1, closed=True)
+    panel.line(narrow, style.BLUE, 1, closed=True)
+    if record["seen"]:
+        panel.line(sight(record), style.DARK_SAND, 2)
+    panel.path(past["r_V_N"][:, ::-1], style.GREY)
+    panel.path((past["r_V_N"] + past["r_TV_N"])[:, ::-1], style.VERMILLION)
+    panel.arrow(observer, tau * record["v_V_N"][::-1], style.INK)
+    panel.arrow(estimate, tau * record["vhat_T_N"][::-1], style.BLUE)
+    panel.dart(observer, record["v_V_N"][::-1], style.INK)
+    panel.disc(target, config.success_radius * panel.scale, style.VERMILLION, 1)
+    panel.disc(target, 5.5, style.WHITE)
+    panel.disc(target, 4.5, style.VERMILLION)
+    panel.reticle(estimate, style.BLUE)
+    panel.pointer(observer, style.INK)
+    panel.pointer(target, style.VERMILLION)
+    panel.pointer(estimate, style.BLUE)
+    panel.border()
+
+
+def sight(record: np.void) -> Points:
+    """Ends (east, north) of the line along which the last bearing saw the target, shape (2, 2)."""
+    angle, observer = float(record["bearing"][0]), record["r_V_N"][::-1]
+    ahead = np.array([np.sin(angle), np.cos(angle)])
+    return np.array([observer, observer + REACH * float(record["range_hat"]) * ahead])
+
+
+def draw_status(image: Image, record: np.void, config: BearingsOnlyConfig) -> None:
+    """Write time to go, estimate, error, cost and how the episode ended."""
+    left, top, width, height = STATUS
+    rhat = record["rhat_TV_N"]
+    along = rhat / max(float(np.linalg.norm(rhat)), 1e-12)
+    sigma = math.sqrt(max(float(along @ record["P"][:2, :2] @ along), 0.0))
+    error = float(np.linalg.norm(rhat - record["r_TV_N"]))
+    rows = (
+        ("time to go", f"{record['t_go']:.0f} s", style.INK),
+        ("estimated range", f"{figures(float(record['range_hat']))} m", style.BLUE),
+        ("its standard deviation", f"{figures(sigma)} m", style.BLUE),
+        ("position error", f"{figures(error)} m", style.VERMILLION),
+        ("Mahalanobis distance", figures(float(record["mahalanobis"])), style.VERMILLION),
+        ("cost so far", figures(float(record["total_cost"])), style.INK),
+    )
+    for line, (name, value, colour) in enumerate(rows):
+        y = top + 12 + 46 * line
+        write(image, name, (left, y), 13, style.GREY)
+        write(image, value, (left, y + 21), 19, colour)
+    bar = Panel(image, left + 80, top + 22, width - 80, 5)
+    bar.clear(style.GRID)
+    share = min(max(float(np.nan_to_num(record["t_go"])) / config.t_f, 0.0), 1.0)
+    style.paint(bar.view[:, : round(bar.width * share)], style.INK)
+    write(image, f"seed {record['seed']}", (left, top + 12 + 46 * len(rows)), 13, style.GREY)
+    outcome = Outcome(int(record["outcome"]))
+    if outcome in ENDINGS:
+        name, colour = ENDINGS[outcome]
+        chip = Panel(image, left, top + height - 30, width, 30)
+        chip.clear(colour)
+        text = name if outcome == Outcome.DIVERGED else f"{name}: {figures(error)} m off"
+        write(image, text, (left + 10, chip.top + 20), 15, style.WHITE)
+
+
+def draw_legend(image: Image) -> None:
+    """Name the marks along the top."""
+    icons = [Panel(image, left, 12, 26, 24) for left in (230, 330, 420, 500, 640, 800)]
+    names = ("observer", "velocity", "target", "estimate, 1σ 3σ", "estimated velocity", "bearing")
+    icons[0].dart((3.0, 0.0), (1.0, 0.0), style.INK)
+    icons[1].arrow((-11.0, 0.0), (22.0, 0.0), style.INK)
+    icons[2].disc((5.0, 0.0), 4.5, style.VERMILLION)
+    ellipse = icons[3].ellipse((0.0, 0.0), np.diag([15.0, 10.0]), 3.0)
+    icons[3].fill(ellipse, style.PALE_BLUE)
+    icons[3].line(ellipse, style.BLUE, 1, closed=True)
+    icons[3].reticle((0.0, 0.0), style.BLUE)
+    icons[4].arrow((-11.0, 0.0), (22.0, 0.0), style.BLUE)
+    icons[5].line(np.array([[-10.0, -6.0], [10.0, 6.0]]), style.DARK_SAND, 2)
+    for icon, name in zip(icons, names, strict=True):
+        write(image, name, (icon.left + 30, 29), 13, style.GREY)

@@ -1,0 +1,104 @@
+"""What the pictures of tasks with one vehicle and one target share: the scene and its status."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from visenvs.core.outcome import Outcome
+from visenvs.render import style
+from visenvs.render.canvas import Panel, Points
+from visenvs.render.style import Image, write
+
+ARROW_TIME = 0.1  # arrows show the displacement in this fraction of the episode
+
+ENDINGS = {
+    Outcome.SUCCESS: ("success", style.GREEN),
+    Outcome.MISS: ("miss", style.VERMILLION),
+    Outcome.DIVERGED: ("diverged", style.VERMILLION),
+}
+
+
+def draw_plane(
+    panel: Panel, rows: Points, record: np.void, config: Any, path: Points, wedge: Points
+) -> None:
+    """Draw vehicle, target, estimate and the path flown in a plane.
+
+    Args:
+        panel: where.
+        rows: maps N to (right, up), shape (2, D).
+        record: lane record with r_V_N, r_T_N, v_V_N, a_V_N, rhat_TV_N, P.
+        config: configuration with t_f and success_radius.
+        path: positions flown in N, shape (n, D).
+        wedge: outline of the field of view (right, up); empty for none.
+    """
+    vehicle, target = rows @ record["r_V_N"], rows @ record["r_T_N"]
+    estimate = vehicle + rows @ record["rhat_TV_N"]
+    velocity, acceleration = rows @ record["v_V_N"], rows @ record["a_V_N"]
+    wide, narrow = (panel.ellipse(estimate, rows @ record["P"] @ rows.T, n) for n in (3.0, 1.0))
+    tau = ARROW_TIME * config.t_f
+    panel.clear()
+    panel.fill(wedge, style.SAND)
+    panel.fill(wide, style.PALE_BLUE)
+    panel.fill(narrow, style.MIDDLE_BLUE)
+    panel.grid()
+    panel.line(wedge, style.DARK_SAND, 1, closed=True)
+    panel.line(wide, style.BLUE, 1, closed=True)
+    panel.line(narrow, style.BLUE, 1, closed=True)
+    panel.path(path @ rows.T, style.GREY)
+    panel.arrow(vehicle, tau * velocity, style.INK)
+    panel.arrow(vehicle, tau**2 / 2 * acceleration, style.GREEN)
+    panel.dart(vehicle, velocity, style.INK)
+    panel.disc(target, config.success_radius * panel.scale, style.VERMILLION, 1)
+    panel.disc(target, 5.5, style.WHITE)
+    panel.disc(target, 4.5, style.VERMILLION)
+    panel.reticle(estimate, style.BLUE)
+    panel.pointer(vehicle, style.INK)
+    panel.pointer(target, style.VERMILLION)
+    panel.pointer(estimate, style.BLUE)
+    panel.border()
+
+
+def draw_status(image: Image, record: np.void, config: Any, box: tuple[int, int, int, int]) -> None:
+    """Write time to go, ranges, cost and the end of the episode into (left, top, width, height)."""
+    left, top, width, height = box
+    rhat = record["rhat_TV_N"]
+    distance = float(np.linalg.norm(rhat))
+    sight = rhat / max(distance, 1e-12)
+    sigma = math.sqrt(max(float(sight @ record["P"] @ sight), 0.0))
+    true_range = float(np.linalg.norm(record["r_TV_N"]))
+    rows = (
+        ("time to go", f"{record['t_go']:.1f} s", style.INK),
+        ("estimated range", f"{figures(distance)} ± {figures(sigma)} m", style.BLUE),
+        ("true range", f"{figures(true_range)} m", style.VERMILLION),
+        ("cost so far", f"{figures(float(record['total_cost']))} m²/s³", style.INK),
+    )
+    for line, (name, value, colour) in enumerate(rows):
+        y = top + 12 + 46 * line
+        write(image, name, (left, y), 13, style.GREY)
+        write(image, value, (left, y + 21), 19, colour)
+    bar = Panel(image, left + 80, top + 22, width - 80, 5)
+    bar.clear(style.GRID)
+    share = min(max(float(np.nan_to_num(record["t_go"])) / config.t_f, 0.0), 1.0)
+    style.paint(bar.view[:, : round(bar.width * share)], style.INK)
+    write(image, f"seed {record['seed']}", (left, top + 12 + 46 * 4), 13, style.GREY)
+    outcome = Outcome(int(record["outcome"]))
+    if outcome in ENDINGS:
+        name, colour = ENDINGS[outcome]
+        miss = float(record["miss_distance"])
+        chip = Panel(image, left, top + height - 30, width, 30)
+        chip.clear(colour)
+        text = name if outcome == Outcome.DIVERGED else f"{name}: {figures(miss)} m off"
+        write(image, text, (left + 10, chip.top + 20), 15, style.WHITE)
+
+
+def figures(value: float) -> str:
+    """A number for display: two decimals below ten, one below a thousand; "?" if not finite."""
+    if not math.isfinite(value):
+        return "?"
+    size = abs(value)
+    if size >= 1e6:
+        return f"{value:.2e}"
+    return f"{value:,.{2 if size < 10 else 1 if size < 1000 else 0}f}"
