@@ -23,7 +23,7 @@ from visenvs.core.config import override, to_record
 from visenvs.core.frames import camera_towards
 from visenvs.core.pinhole import jacobian, pixel_variance, project
 from visenvs.core.registry import load_task
-from visenvs.estimation.ekf import update_sequential
+from visenvs.estimation.ekf import update_vector
 from visenvs.estimation.stationary import SCRATCH, update
 
 from . import ENV_ID, Budget, Portion, Row, left_out, race, row
@@ -31,7 +31,7 @@ from . import ENV_ID, Budget, Portion, Row, left_out, race, row
 GROUP = "filter"
 WANTS = "at least 100 times filterpy's updates, at least 0.5 of the C++ loop's"
 UNIT = "updates/CPU s"
-STATIONARY, SEQUENTIAL = "filter/stationary", "filter/sequential"
+STATIONARY, VECTOR = "filter/stationary", "filter/vector"
 FILTERPY, CPP = "filter/filterpy", "filter/cpp"
 COUNT = 1000  # problems
 GATE = 5.0  # standard deviations
@@ -53,11 +53,11 @@ FLAGS = ("-O3", "-march=native", "-shared", "-fPIC")  # kernels are compiled for
 def rows(budget: Budget) -> list[Row]:
     """Both compiled filters against both references, as far as these are there."""
     problems, settings = draw_problems(COUNT), rendezvous_settings()
-    solved = {name: np.zeros(COUNT, SOLUTION) for name in (STATIONARY, SEQUENTIAL, FILTERPY, CPP)}
+    solved = {name: np.zeros(COUNT, SOLUTION) for name in (STATIONARY, VECTOR, FILTERPY, CPP)}
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         found = {
             STATIONARY: stationary(problems, settings, solved[STATIONARY]),
-            SEQUENTIAL: sequential(problems, settings, solved[SEQUENTIAL]),
+            VECTOR: vector(problems, settings, solved[VECTOR]),
             FILTERPY: with_filterpy(problems, settings, solved[FILTERPY]),
             CPP: with_cpp(problems, settings, solved[CPP], Path(folder)),
         }
@@ -67,9 +67,9 @@ def rows(budget: Budget) -> list[Row]:
             check_agreement(name, solved[name], solved[STATIONARY])
         rates = race(sides, budget)
     filterpy = FILTERPY if FILTERPY in sides else None
-    out = [row(name, UNIT, rates, filterpy) for name in (STATIONARY, SEQUENTIAL)]
+    out = [row(name, UNIT, rates, filterpy) for name in (STATIONARY, VECTOR)]
     if CPP in sides:
-        for name in (STATIONARY, SEQUENTIAL):
+        for name in (STATIONARY, VECTOR):
             out.append(replace(row(name, UNIT, rates, CPP), id=f"{name}/against-cpp"))
     return out + [row(name, UNIT, rates) for name in (FILTERPY, CPP) if name in sides]
 
@@ -126,18 +126,18 @@ def update_stationary(problems, settings, solutions, scratch):
 
 
 @kernel
-def update_one_by_one(problems, settings, solutions, H, variance, x_linear, work):
-    """The same with one scalar at a time, and no gate."""
+def update_at_once(problems, settings, solutions, H, R, B, factor):
+    """The same with both coordinates at once, through a Cholesky factor, and no gate."""
     cfg = settings[0]
     for k in range(problems.shape[0]):
         p, s = problems[k], solutions[k]
         begin(p, s)
         X, y, z = project(p["C"], s["rhat"], cfg["min_range"])
         jacobian(p["C"], X, y, z, H)
-        variance[0] = variance[1] = pixel_variance(X, cfg["sigma_range"], cfg["sigma_angle"])
+        R[0, 0] = R[1, 1] = pixel_variance(X, cfg["sigma_range"], cfg["sigma_angle"])
         s["innovation"][0] = p["pixel"][0] - y
         s["innovation"][1] = p["pixel"][1] - z
-        update_sequential(s["rhat"], s["P"], H, s["innovation"], variance, x_linear, work)
+        s["nis"] = update_vector(s["rhat"], s["P"], H, s["innovation"], R, 0.0, B, factor)
 
 
 def stationary(problems: RECORDS, settings: RECORDS, solutions: RECORDS) -> Portion:
@@ -151,12 +151,12 @@ def stationary(problems: RECORDS, settings: RECORDS, solutions: RECORDS) -> Port
     return portion
 
 
-def sequential(problems: RECORDS, settings: RECORDS, solutions: RECORDS) -> Portion:
+def vector(problems: RECORDS, settings: RECORDS, solutions: RECORDS) -> Portion:
     """All problems once, in one compiled loop."""
-    H, variance, x_linear, work = np.zeros((2, 3)), np.zeros(2), np.zeros(3), np.zeros(3)
+    H, R, B, factor = np.zeros((2, 3)), np.zeros((2, 2)), np.zeros((3, 2)), np.zeros(3)
 
     def portion() -> int:
-        update_one_by_one(problems, settings, solutions, H, variance, x_linear, work)
+        update_at_once(problems, settings, solutions, H, R, B, factor)
         return len(problems)
 
     return portion

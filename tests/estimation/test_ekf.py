@@ -104,14 +104,34 @@ def test_vector_update_with_correlated_noise(n, m, seed):
     assert np.array_equal(got[1], got[1].T)
 
 
+def sequential_update(x, P, H, residual, variance, gate=0.0):
+    """The kernel on copies: state, covariance, NIS."""
+    m, n = H.shape
+    x, P, B, S = x.copy(), P.copy(), np.empty((m, n)), np.empty(m)
+    return x, P, update_sequential(x, P, H, residual.copy(), variance, gate, B, S)
+
+
 @pytest.mark.parametrize(("n", "m", "seed"), PROBLEMS)
 def test_sequential_update_equals_the_vector_update(n, m, seed):
     x, P, H, residual, R = problem(n, m, seed)
     variance = np.diag(R).copy()
-    expected_x, expected_P, _ = vector_update(x, P, H, residual, np.diag(variance))
-    update_sequential(x, P, H, residual, variance, np.empty(n), np.empty(n))
-    assert np.allclose(x, expected_x, rtol=1e-10, atol=1e-10)
-    assert np.allclose(P, expected_P, rtol=1e-10, atol=1e-10)
+    expected = vector_update(x, P, H, residual, np.diag(variance))
+    got = sequential_update(x, P, H, residual, variance)
+    for ours, theirs in zip(got, expected, strict=True):
+        assert np.allclose(ours, theirs, rtol=1e-10, atol=1e-10)
+    assert np.array_equal(got[1], got[1].T)
+
+
+@pytest.mark.parametrize(("n", "m", "seed"), PROBLEMS)
+def test_the_order_of_independent_measurements_does_not_matter(n, m, seed):
+    x, P, H, residual, R = problem(n, m, seed)
+    variance = np.diag(R).copy()
+    forwards = sequential_update(x, P, H, residual, variance)
+    backwards = sequential_update(
+        x, P, H[::-1].copy(), residual[::-1].copy(), variance[::-1].copy()
+    )
+    for ours, theirs in zip(forwards, backwards, strict=True):
+        assert np.allclose(ours, theirs, rtol=1e-10, atol=1e-10)
 
 
 def test_correlation_of_the_noise_matters():
@@ -121,12 +141,20 @@ def test_correlation_of_the_noise_matters():
     assert np.abs(correlated[0] - independent[0]).max() > 1e-3
 
 
-def test_the_gate_leaves_out_what_is_too_far():
+@pytest.mark.parametrize("kind", ["vector", "sequential"])
+def test_the_gate_leaves_out_what_is_too_far(kind):
     x, P, H, residual, R = problem(3, 2, 2)
+    variance = np.diag(R).copy()
+    R = R if kind == "vector" else np.diag(variance)
     nis = textbook(x, P, H, residual, R)[2]
-    inside = vector_update(x, P, H, residual, R, gate=np.sqrt(nis) * (1 + 1e-9))
-    outside = vector_update(x, P, H, residual, R, gate=np.sqrt(nis) * (1 - 1e-9))
-    assert np.array_equal(inside[0], vector_update(x, P, H, residual, R)[0])
+
+    def gated(gate):
+        if kind == "vector":
+            return vector_update(x, P, H, residual, R, gate)
+        return sequential_update(x, P, H, residual, variance, gate)
+
+    inside, outside = gated(np.sqrt(nis) * (1 + 1e-9)), gated(np.sqrt(nis) * (1 - 1e-9))
+    assert np.array_equal(inside[0], gated(0.0)[0])
     assert np.array_equal(outside[0], x)
     assert np.array_equal(outside[1], P)
     assert outside[2] == pytest.approx(nis, rel=1e-12)
@@ -142,11 +170,14 @@ def test_the_innovation_is_returned_white():
 def test_a_measurement_told_twice_without_noise_counts_once():
     """S is singular then: the second row carries no information, and nothing blows up."""
     x, P, H, residual, _ = problem(3, 1, 4)
-    once = vector_update(x, P, H, residual, np.zeros((1, 1)))
-    twice = vector_update(x, P, np.vstack([H, H]), np.repeat(residual, 2), np.zeros((2, 2)))
-    assert np.allclose(once[0], textbook(x, P, H, residual, np.zeros((1, 1)))[0], rtol=1e-10)
-    assert np.allclose(twice[0], once[0], rtol=1e-6)
-    assert np.allclose(twice[1], once[1], atol=1e-6)
+    once = textbook(x, P, H, residual, np.zeros((1, 1)))
+    again = np.vstack([H, H]), np.repeat(residual, 2)
+    for twice in (
+        vector_update(x, P, *again, np.zeros((2, 2))),
+        sequential_update(x, P, *again, np.zeros(2)),
+    ):
+        assert np.allclose(twice[0], once[0], rtol=1e-6)
+        assert np.allclose(twice[1], once[1], atol=1e-6)
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 6])

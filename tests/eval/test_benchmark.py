@@ -88,10 +88,10 @@ def test_every_row_is_positive_and_compared_with_a_row_that_is_there(name):
 def test_both_compiled_filters_solve_the_same_problems():
     problems, settings = filter.draw_problems(filter.COUNT), filter.rendezvous_settings()
     stationary = solved(filter.stationary, problems, settings)
-    assert largest_difference(solved(filter.sequential, problems, settings), stationary) < 1e-12
+    assert largest_difference(solved(filter.vector, problems, settings), stationary) < 1e-12
     assert largest_difference(stationary, problems) > 1e-3
     assert stationary["nis"].max() < settings["gate"][0] ** 2
-    filter.check_agreement("filter/sequential", stationary, stationary)
+    filter.check_agreement("filter/vector", stationary, stationary)
 
 
 def test_filterpy_solves_the_same_problems():
@@ -133,7 +133,7 @@ def test_rows_without_their_tools_are_left_out_and_say_what_brings_them_back(mon
     monkeypatch.setitem(sys.modules, "filterpy.kalman", None)
     monkeypatch.setattr(shutil, "which", lambda _name: None)
     rows = filter.rows(QUICK)
-    assert [row.id for row in rows] == ["filter/stationary", "filter/sequential"]
+    assert [row.id for row in rows] == ["filter/stationary", "filter/vector"]
     assert all(row.reference is None and row.ratio is None for row in rows)
     said = capsys.readouterr().err
     assert "filter/filterpy: n/a: pip install 'visenvs[bench]'" in said
@@ -147,9 +147,9 @@ def test_both_references_have_a_row_for_each_filter():
     found = {row.id: row.reference for row in filter.rows(QUICK)}
     assert found == {
         "filter/stationary": "filter/filterpy",
-        "filter/sequential": "filter/filterpy",
+        "filter/vector": "filter/filterpy",
         "filter/stationary/against-cpp": "filter/cpp",
-        "filter/sequential/against-cpp": "filter/cpp",
+        "filter/vector/against-cpp": "filter/cpp",
         "filter/filterpy": None,
         "filter/cpp": None,
     }

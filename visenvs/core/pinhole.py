@@ -25,9 +25,10 @@ def jacobian(C, X, y, z, H):
 
     H = (1/X) [-h I] C_CN (thesis (3.14); the printed (4.39) lacks the factor C_CN).
     """
+    inverse = 1.0 / X
     for j in range(3):
-        H[0, j] = (C[1, j] - y * C[0, j]) / X
-        H[1, j] = (C[2, j] - z * C[0, j]) / X
+        H[0, j] = (C[1, j] - y * C[0, j]) * inverse
+        H[1, j] = (C[2, j] - z * C[0, j]) * inverse
 
 
 @kernel

@@ -60,25 +60,49 @@ def update_scalar(x, P, H, i, residual, variance, work):
 
 
 @kernel
-def update_sequential(x, P, H, residual, variance, x_linear, work):
-    """Update with m independent measurements, one scalar at a time, in place (2.17)-(2.19).
+def update_sequential(x, P, H, residual, variance, gate, B, S):
+    """Update with m measurements of independent noise, one by one, in place; returns the NIS.
 
-    All rows are linearised at the prediction, so the result equals the vector update: residual i is
-    corrected by H_i (x - x_linear) for what the earlier ones have already moved.
+    Each is freed of what the earlier ones told: b_i = P h_i - sum_k<i b_k (b_k' h_i) / S_k, with
+    S_i = variance_i + h_i' b_i. Then x += b_i e_i / S_i and P -= b_i b_i' / S_i are the vector
+    update (2.17)-(2.19), without a root or an inverse. All rows are linearised at the prediction.
 
     Args:
-        residual, variance: shape (m,).
-        x_linear: scratch, (n,); receives the prediction.
-        work: scratch, (n,).
+        residual, variance: shape (m,); residual is replaced by the independent innovations e.
+        gate: the update is left out where the NIS exceeds gate^2; 0 for no gate.
+        B: scratch, (m, n); row i is b_i on return.
+        S: scratch, (m,); holds 1 / S_i on return.
     """
-    n = x.shape[0]
-    for a in range(n):
-        x_linear[a] = x[a]
+    n, nis = x.shape[0], 0.0
     for i in range(residual.shape[0]):
-        left = residual[i]
         for a in range(n):
-            left -= H[i, a] * (x[a] - x_linear[a])
-        update_scalar(x, P, H, i, left, variance[i], work)
+            total = 0.0
+            for b in range(n):
+                total += P[a, b] * H[i, b]
+            B[i, a] = total
+        for k in range(i):
+            shared = 0.0
+            for a in range(n):
+                shared += B[k, a] * H[i, a]
+            shared *= S[k]
+            residual[i] -= shared * residual[k]
+            for a in range(n):
+                B[i, a] -= shared * B[k, a]
+        total = variance[i]
+        for a in range(n):
+            total += H[i, a] * B[i, a]
+        S[i] = 1.0 / total if total > 0.0 else 0.0
+        nis += residual[i] * residual[i] * S[i]
+    if gate > 0.0 and nis > gate * gate:
+        return nis
+    for i in range(residual.shape[0]):
+        for a in range(n):
+            gain = B[i, a] * S[i]
+            x[a] += gain * residual[i]
+            for b in range(a + 1):
+                P[a, b] -= gain * B[i, b]
+                P[b, a] = P[a, b]
+    return nis
 
 
 @kernel

@@ -7,8 +7,8 @@ the target comes near tells its range. The target does not move, so the posterio
 narrower, and the grid follows it.
 
 Positions are absolute, in N, m. With FEWEST points across the 12.6 standard deviations between log
-weights of -20 the sums are in error by about a millionth of a standard deviation, and by 2e-4 while
-the cut of the prior still matters.
+weights of -20 the moments are within 5e-5 of a standard deviation of the exact ones, and within 1e-2
+in the last steps before the target, where the minimum range cuts the density off between two points.
 """
 
 from __future__ import annotations
@@ -186,6 +186,7 @@ def moments(grid, r_V, rhat, P):
 
 @kernel
 def share(grid, i, best):
-    """Weight of point i in the trapezoidal rule, up to a factor."""
-    end = i == 0 or i == POINTS - 1
-    return (0.5 if end else 1.0) * math.exp(grid["log_weight"][i] - best)
+    """Weight of point i in Gregory's rule of fourth order, up to a factor."""
+    end = min(i, POINTS - 1 - i)
+    rule = 3.0 / 8.0 if end == 0 else 7.0 / 6.0 if end == 1 else 23.0 / 24.0 if end == 2 else 1.0
+    return rule * math.exp(grid["log_weight"][i] - best)

@@ -17,8 +17,8 @@ from visenvs.estimation.ekf import update_scalar, update_sequential
 
 SCRATCH = np.dtype(
     [
-        ("H", "f8", (2, 2)),
-        *((name, "f8", (2,)) for name in ("residual", "variance", "before", "work")),
+        *((name, "f8", (2, 2)) for name in ("H", "B")),
+        *((name, "f8", (2,)) for name in ("residual", "variance", "work")),
     ]
 )
 
@@ -93,7 +93,7 @@ def update(rhat, P, z, cfg, scratch):
     residual[0], residual[1] = X * (t - z), X / share
     variance[0], variance[1] = r, residual[1] ** 2
     if residual[0] ** 2 <= limit(P, H[0, 0], H[0, 1], r, cfg["gate"]):
-        update_sequential(rhat, P, H, residual, variance, scratch["before"], scratch["work"])
+        update_sequential(rhat, P, H, residual, variance, 0.0, scratch["B"], scratch["work"])
     return z - t
 
 

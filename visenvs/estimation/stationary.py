@@ -9,15 +9,13 @@ import numpy as np
 
 from visenvs.core.compile import kernel
 from visenvs.core.pinhole import jacobian, pixel_variance, project
-from visenvs.estimation.ekf import update_vector
+from visenvs.estimation.ekf import update_sequential
 
 SCRATCH = np.dtype(
     [
         ("H", "f8", (2, 3)),
-        ("R", "f8", (2, 2)),
-        ("B", "f8", (3, 2)),
-        ("L", "f8", (3,)),
-        ("e", "f8", (2,)),
+        ("B", "f8", (2, 3)),
+        *((name, "f8", (2,)) for name in ("e", "variance", "S")),
     ]
 )
 
@@ -53,9 +51,9 @@ def update(rhat, P, C, y, z, settings, innovation, scratch):
     X, y_hat, z_hat = project(C, rhat, settings["min_range"])
     innovation[0] = y - y_hat
     innovation[1] = z - z_hat
-    H, R, e = scratch["H"], scratch["R"], scratch["e"]
+    H, e, variance = scratch["H"], scratch["e"], scratch["variance"]
     jacobian(C, X, y_hat, z_hat, H)
-    R[0, 0] = R[1, 1] = pixel_variance(X, settings["sigma_range"], settings["sigma_angle"])
-    R[0, 1] = R[1, 0] = 0.0
     e[0], e[1] = innovation[0], innovation[1]
-    return update_vector(rhat, P, H, e, R, settings["gate"], scratch["B"], scratch["L"])
+    variance[0] = variance[1] = pixel_variance(X, settings["sigma_range"], settings["sigma_angle"])
+    B, S = scratch["B"], scratch["S"]
+    return update_sequential(rhat, P, H, e, variance, settings["gate"], B, S)
