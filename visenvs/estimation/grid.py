@@ -7,8 +7,9 @@ the target comes near tells its range. The target does not move, so the posterio
 narrower, and the grid follows it.
 
 Positions are absolute, in N, m. With FEWEST points across the 12.6 standard deviations between log
-weights of -20 the moments are within 5e-5 of a standard deviation of the exact ones, and within 1e-2
-in the last steps before the target, where the minimum range cuts the density off between two points.
+weights of -20 the moments are within 5e-5 of a standard deviation of the exact ones, and within
+1e-2 in the last steps before the target, where the minimum range cuts the density off between two
+points.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The thesis's own solver of the n-step-ahead problem, for reproduction only (thesis 4.3.1, 4.4).
 
-Each sweep sets the pushes one after the other to what the one-sided difference of the predicted cost
-asks for, and stops after SWEEPS sweeps at the latest. From no push at all it needs about thirty: cut
-off at ten it stops far from the minimum, and its plans cost about twice as much to fly.
+Each sweep sets the pushes one after the other to what the one-sided difference of the predicted
+cost asks for, and stops after SWEEPS sweeps at the latest. From no push at all it needs about
+thirty: cut off at ten it stops far from the minimum, and its plans cost about twice as much to fly.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def onward(tape, j):
 
 @kernel
 def sweep(axes, plan, settings, tape):
-    """One sweep over the pushes of a plan (n, D), in place; returns the 2-norm of the change, m/s^2.
+    """One sweep over the pushes of a plan (n, D), in place; returns the change's 2-norm, m/s^2.
 
     The push that makes the difference quotient of (4.61) vanish, with calB for the curvature.
     """

@@ -1,7 +1,7 @@
 """Linear-quadratic terminal guidance: the "estimated optimal" law (thesis (4.9)-(4.12), (4.38)).
 
-Each axis is a double integrator with x = (position, velocity) of the target relative to the vehicle,
-a' cost of 1/2 x(t_f)' diag(s_x, s_v) x(t_f) + 1/2 integral of a^2 (4.2), (4.36) with B = 1.
+Each axis is a double integrator with x = (position, velocity) of the target relative to the
+vehicle, at a cost of 1/2 x(t_f)' diag(s_x, s_v) x(t_f) + 1/2 integral of a^2 (4.2), (4.36), B = 1.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from visenvs.core.registry import Law
 
 @kernel
 def terminal_weight(T, s_x, s_v):
-    """M = S_f (I + G S_f)^-1 for time to go T (s), as (M_11, M_12, M_22); every terminal law uses it.
+    """M = S_f (I + G S_f)^-1 for time to go T (s), as (M_11, M_12, M_22), for every terminal law.
 
     G is the controllability Gramian of the double integrator over T, defined below (4.10).
     """
@@ -35,7 +35,12 @@ def gains(T, s_x, s_v):
 
 @kernel
 def command(X, V, T, s_x, s_v, a):
-    """Write the acceleration (D,), m/s^2, from relative position (m), own velocity (m/s), time to go (s)."""
+    """Write the acceleration (D,), m/s^2.
+
+    Args:
+        X, V: relative position (m) and own velocity (m/s), (D,).
+        T: time to go, s.
+    """
     K_X, K_V = gains(T, s_x, s_v)
     for i in range(a.shape[0]):
         a[i] = K_X * X[i] - K_V * V[i]
@@ -43,7 +48,7 @@ def command(X, V, T, s_x, s_v, a):
 
 @kernel
 def cost_to_go(X, V, T, s_x, s_v):
-    """Least cost still to pay with perfect information and no limit on acceleration (4.10), m^2/s^3."""
+    """Least cost still to pay with perfect information and no limits (4.10), m^2/s^3."""
     m11, m12, m22 = terminal_weight(T, s_x, s_v)
     cost = 0.0
     for i in range(X.shape[0]):
@@ -65,7 +70,7 @@ def decide(beliefs, settings, commands):
 LAWS = (
     Law(
         name="lq",
-        summary="linear-quadratic terminal guidance on the estimate, as if it were the truth (estimated optimal)",
+        summary="linear-quadratic terminal guidance on the estimate as if true (estimated optimal)",
         source="thesis (4.12), (4.38) with K_X's T squared",
         needs=("rhat_TV_N", "v_V_N", "t_go"),
         settings=("dt", "s_x", "s_v"),

@@ -6,8 +6,9 @@ with the rest as its first guess. `nsa` looks ahead to the terminal time, `nsa-N
 there.
 
 The thesis solves this by sweeps of single pushes, cut off after N_max; the solution here is the
-minimum. Names that end in `-gs` fly the thesis's sweeps, for reproduction (`gauss_seidel.py`). Where the belief is the same to both sides of the flight path, so is the cost, and there is
-no push until an image favours one side.
+minimum. Names that end in `-gs` fly the thesis's sweeps, for reproduction (`gauss_seidel.py`).
+Where the belief is the same to both sides of the flight path, so is the cost, and there is no push
+until an image favours one side.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ def decide(beliefs, settings, commands):
 LAWS = (
     Law(
         name="pn",
-        summary="proportional navigation to the estimated target at the terminal time, its velocity free",
+        summary="proportional navigation to the estimated target at t_f, its velocity free",
         source="thesis (3.26), on all three axes",
         needs=("rhat_TV_N", "v_V_N", "t_go"),
         settings=("dt",),
