@@ -12,6 +12,15 @@ from visenvs.core.registry import Law
 from .policy import NotApplicable, Rows, State
 
 
+def lacking(law: Law, task: Task, config: Config) -> list[str]:
+    """What a law needs and the environment does not give; empty where it can fly."""
+    absent = [name for name in law.needs if name not in task.observation.names]
+    absent += [name for name in law.settings if name not in field_types(type(config))]
+    if law.limit not in {field.unit for field in task.action.fields}:
+        absent.append(f"actions in units of {law.limit}")
+    return absent
+
+
 class LawPolicy:
     """A guidance law as a policy: row to belief to command to action row.
 
@@ -19,11 +28,7 @@ class LawPolicy:
     """
 
     def __init__(self, law: Law, task: Task, config: Config) -> None:
-        absent = [name for name in law.needs if name not in task.observation.names]
-        absent += [name for name in law.settings if name not in field_types(type(config))]
-        if law.limit not in {field.unit for field in task.action.fields}:
-            absent.append(f"actions in units of {law.limit}")
-        if absent:
+        if absent := lacking(law, task, config):
             raise NotApplicable(
                 f"{law.name} needs {', '.join(absent)}, which {task.id} does not give"
             )

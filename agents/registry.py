@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from visenvs.core.config import Config, nearest
+from visenvs.core.config import Config, nearest, override
 from visenvs.core.lanes import Task
 from visenvs.core.registry import find_law, laws
 
-from .classical import LawPolicy, RandomPolicy, ZeroPolicy
+from .classical import LawPolicy, RandomPolicy, ZeroPolicy, lacking
 from .learned import LearnedPolicy, Residual, load_network, read_card
 from .policy import Policy
 
@@ -34,6 +34,7 @@ class Entry:
             (measurements), "none".
         kind: "law", "learned", "residual", "blind" or "custom".
         summary: one line.
+        config: the configuration that it was loaded for, with the observation that it reads.
     """
 
     name: str
@@ -41,11 +42,14 @@ class Entry:
     information: str
     kind: str
     summary: str
+    config: Config
 
 
-def names(env_id: str) -> tuple[str, ...]:
-    """The policies that the leaderboard of an environment shows by default."""
-    return (*BLIND, *laws(), *shipped(env_id))
+def names(task: Task) -> tuple[str, ...]:
+    """The policies that the leaderboard of an environment shows by default: those that can fly."""
+    config = next(iter(task.scenarios.values()))
+    able = (name for name, law in laws().items() if not lacking(law, task, config))
+    return (*BLIND, *able, *shipped(task.id))
 
 
 def shipped(env_id: str) -> dict[str, Path]:
@@ -70,10 +74,10 @@ def load(spec: str, task: Task, config: Config, trust: bool = False) -> Entry:
     task = task.under(config)
     if spec in BLIND:
         summary, make = BLIND[spec]
-        return Entry(spec, make(task), "none", "blind", summary)
+        return Entry(spec, make(task), "none", "blind", summary, config)
     law = find_law(spec)
     if law is not None:
-        return Entry(spec, LawPolicy(law, task, config), "belief", "law", law.summary)
+        return Entry(spec, LawPolicy(law, task, config), "belief", "law", law.summary, config)
     if spec in shipped(task.id):
         return _load_model(spec, shipped(task.id)[spec], task, config, trust)
     path = Path(spec)
@@ -82,9 +86,9 @@ def load(spec: str, task: Task, config: Config, trust: bool = False) -> Entry:
         name = model.parent.name if model.name == "model.zip" else model.stem
         return _load_model(name or spec, model, task, config, trust)
     if ":" in spec:
-        seen = getattr(config, "observation", "belief")
-        return Entry(spec, _factory(spec)(task, config), seen, "custom", "user's own")
-    known = names(task.id)
+        policy = _factory(spec)(task, config)
+        return Entry(spec, policy, _information(config), "custom", "user's own", config)
+    known = names(task)
     raise ValueError(
         f"unknown policy {spec!r}{nearest(spec, known)} Known: {', '.join(known)}; "
         "or the path of an SB3 .zip, or module:factory"
@@ -95,19 +99,19 @@ def _load_model(name: str, model: Path, task: Task, config: Config, trust: bool)
     if not model.exists():
         raise ValueError(f"no model {model}; expected what `python -m train.sb3 --out DIR` writes")
     card = read_card(model)
-    network = load_network(model, task, trust)
-    residual = card.get("residual")
-    if residual is None:
-        return Entry(
-            name,
-            LearnedPolicy(network),
-            card.get("information", "belief"),
-            "learned",
-            _summary(card),
-        )
-    law = load(residual["law"], task, config).policy
-    policy = LearnedPolicy(network, Residual(law, residual["scale"]))
-    return Entry(name, policy, card.get("information", "belief"), "residual", _summary(card))
+    if card and card["information"] != _information(config):
+        config = override(config, {"observation": card["information"]})
+        task = task.under(config)
+    network, residual, kind = load_network(model, task, trust), None, "learned"
+    if card.get("residual"):
+        law = load(card["residual"]["law"], task, config).policy
+        residual, kind = Residual(law, card["residual"]["scale"]), "residual"
+    policy = LearnedPolicy(network, residual)
+    return Entry(name, policy, _information(config), kind, _summary(card), config)
+
+
+def _information(config: Config) -> str:
+    return getattr(config, "observation", "belief")
 
 
 def _summary(card: dict[str, Any]) -> str:

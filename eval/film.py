@@ -24,7 +24,7 @@ from visenvs.core.files import check_writable
 from visenvs.core.lanes import Lanes, Task
 from visenvs.core.registry import load_task
 
-from .rollout import PUBLIC_SEEDS
+from .rollout import PUBLIC_SEEDS, decide
 
 PROGRAM = "eval.film"
 SUFFIXES = (".gif", ".mp4", ".png")
@@ -94,8 +94,8 @@ def run(options: Options) -> None:
     config = pick("scenario", options.scenario or next(iter(task.scenarios)), task.scenarios)
     if options.estimator is not None:
         config = override(config, {"estimator": options.estimator})
-    policy = registry.load(options.policy, task, config, options.trust).policy
-    records = fly(policy, task, config, options.seed)
+    entry = registry.load(options.policy, task, config, options.trust)
+    records = fly(entry.policy, task, entry.config, options.seed)
     last, dt = len(records) - 1, vars(config)["dt"]
     with replacing(options.out) as path:
         if path.suffix == ".png":
@@ -116,11 +116,8 @@ def fly(policy: Policy, task: Task, config: Config, seed: int) -> NDArray[Any]:
     lanes.reset([seed])
     records, state, start = [lanes.snapshot()], None, np.ones(1, bool)
     while not lanes.done[0]:
-        try:
-            actions, state = policy.predict(lanes.rows, state=state, episode_start=start)
-        except Exception as error:
-            raise ValueError(f"its predict() failed: {type(error).__name__}: {error}") from error
-        lanes.step(np.asarray(actions, np.float32))
+        actions, state = decide(policy, lanes.rows, state, start)
+        lanes.step(actions)
         records.append(lanes.snapshot())
         start = np.zeros(1, bool)
     return np.concatenate(records)

@@ -86,7 +86,7 @@ def plan_scene(
     config = pick(f"scenario of {env}", scenario, task.scenarios)
     if estimator is not None:
         config = override(config, {"estimator": estimator})
-    specs = dict.fromkeys([*(registry.names(env) if policies is None else policies), reference])
+    specs = dict.fromkeys([*(registry.names(task) if policies is None else policies), reference])
     jobs = [_job(task, scenario, config, spec, trust) for spec in specs]
     if estimator is None and _can_be_told_truth(config):
         told = override(config, {"estimator": TRUTH})
@@ -151,7 +151,7 @@ def _can_be_told_truth(config: Config) -> bool:
 def _flown(job: Job, seeds: Sequence[int]) -> results.Result:
     assert job.entry is not None
     try:
-        flown = rollout(job.entry.policy, job.task, job.config, seeds)
+        flown = rollout(job.entry.policy, job.task, job.entry.config, seeds)
     except ValueError as error:
         raise ValueError(f"policy {job.policy!r} on {job.task.id}: {error}") from error
     information = job.entry.information
@@ -164,7 +164,7 @@ def _flown(job: Job, seeds: Sequence[int]) -> results.Result:
         label=f"{job.entry.name} ({TRUTH})" if job.told_truth else job.entry.name,
         summary=job.entry.summary,
         information=TRUTH if information == "belief" and job.estimator == TRUTH else information,
-        config=to_json(job.config),
+        config=to_json(job.entry.config),
         units=dict(job.task.metrics),
         us_per_decision=1e6 * flown.decision_seconds / flown.decisions if flown.decisions else None,
         episodes=measure(flown, job.task),

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.policy import Policy
+from agents.policy import Policy, State
 from visenvs.core.config import Config
 from visenvs.core.lanes import Lanes, Task
+from visenvs.core.layout import Row
 
 PUBLIC_SEEDS = range(100_000, 101_000)
 LANES = 1024  # at most so many at once
@@ -67,6 +68,17 @@ def rollout(
     )
 
 
+def decide(
+    policy: Policy, rows: Row, state: State | None, start: NDArray[np.bool_]
+) -> tuple[Row, State | None]:
+    """Actions of a policy and its memory; a ValueError says what went wrong inside it."""
+    try:
+        actions, state = policy.predict(rows, state=state, episode_start=start)
+    except Exception as error:
+        raise ValueError(f"its predict() failed: {type(error).__name__}: {error}") from error
+    return np.asarray(actions, np.float32), state
+
+
 def _fly(policy: Policy, task: Task, config: Config, seeds: Sequence[int]) -> Rollout:
     lanes = Lanes(task, config, len(seeds))
     lanes.reset(list(seeds))
@@ -75,14 +87,11 @@ def _fly(policy: Policy, task: Task, config: Config, seeds: Sequence[int]) -> Ro
     state, seconds, decisions, ended = None, 0.0, 0, 0
     while ended < lanes.count:
         began = time.process_time()
-        try:
-            actions, state = policy.predict(lanes.rows, state=state, episode_start=start)
-        except Exception as error:
-            raise ValueError(f"its predict() failed: {type(error).__name__}: {error}") from error
+        actions, state = decide(policy, lanes.rows, state, start)
         if not start.any():
             seconds += time.process_time() - began
             decisions += lanes.count
-        ended = lanes.step(np.asarray(actions, np.float32))
+        ended = lanes.step(actions)
         returns += lanes.rewards
         start = np.zeros(lanes.count, bool)
     steps = lanes.records["step"].astype(np.int64)

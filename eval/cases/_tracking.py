@@ -64,7 +64,7 @@ def seconds(law: str, episodes: int) -> tuple[NDArray[np.float64], NDArray[np.fl
 def timing_rows(at: str, law: str, episodes: int, step: float, whole: float) -> list[Row]:
     """Processing times beside the published ones (s), and the first step's share of the period."""
     first, total = seconds(law, min(episodes, TIMED))
-    n, period = len(first), scene()[1].dt
+    n, period = len(first), vars(scene()[1])["dt"]
     shares = first / period
     return [
         Row(f"{at}/step_s", step, first.mean(), standard_error(first), n),

@@ -43,7 +43,7 @@ def track(law: str) -> dict[str, np.ndarray]:
             break
         actions, state = policy.predict(lanes.rows, state)
         lanes.step(actions)
-    time = config.dt * np.arange(len(path))
+    time = vars(config)["dt"] * np.arange(len(path))
     return {"path": np.array(path), "time": time, "deviation": np.array(deviation)}
 
 

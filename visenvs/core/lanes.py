@@ -38,7 +38,7 @@ class Task:
     Attributes:
         id: Gymnasium id.
         summary: one line for tables.
-        scenarios: named presets, the default first.
+        scenarios: named presets, the default first. Each has `dt`, the period of a step in s.
         lane: record of one lane (`lane_dtype`).
         observation, action: layouts of the rows.
         costs: lane fields that hold this step's increase of each cost term; reward = - their sum.
@@ -208,12 +208,12 @@ def _revive(
 
 def as_floats(lanes: NDArray[Any]) -> Values:
     """The same memory as float64, shape (count, record size / 8)."""
-    return lanes.view(np.float64).reshape(len(lanes), -1)
+    return lanes.view(np.float64).reshape(len(lanes), lanes.dtype.itemsize // 8)
 
 
 def as_integers(lanes: NDArray[Any]) -> NDArray[np.int64]:
     """The same memory as int64, shape (count, record size / 8)."""
-    return lanes.view(np.int64).reshape(len(lanes), -1)
+    return lanes.view(np.int64).reshape(len(lanes), lanes.dtype.itemsize // 8)
 
 
 def checked_seeds(seeds: ArrayLike, count: int) -> NDArray[np.uint64]:
