@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,14 +16,15 @@ from .results import Result
 from .stats import compare, interquartile_mean, mean_interval, percentile
 
 TAIL = 95.0  # percentile of the cost that stands for the tail
+FAR = 99.0  # percentile of the metrics that a task wants shown
 TRUTH = "truth"  # the estimator that tells policies the truth
 KEYS = (
     *("env", "scenario", "estimator", "perception", "policy", "label", "information", "episodes"),
     *("cost_mean", "cost_median", "cost_iqm", "cost_ci", "cost_p95"),
-    *("success_rate", "failure_rate", "miss_mean", "effort_mean", "nees_mean"),
+    *("success_rate", "failure_rate", "lost_rate", "miss_mean", "effort_mean", "nees_mean"),
     *("diff_to", "diff_mean", "diff_ci", "prob_improvement", "us_per_decision", "reason"),
 )
-Row = dict[str, Any]  # KEYS, SI; None where there is nothing to say
+Row = dict[str, Any]  # SI; None where there is nothing to say
 
 
 @dataclass(frozen=True)
@@ -30,17 +32,13 @@ class Board:
     """One scenario of one environment.
 
     Attributes:
-        summary: what the task is, one line.
-        units: metric name -> unit.
         rows: best first: those under the scenario's estimator, those told the truth, those that
             cannot fly here.
         results: for every row its result, or None for a policy that cannot fly here.
     """
 
-    env: str
+    task: Task
     scenario: str
-    summary: str
-    units: Mapping[str, str]
     rows: tuple[Row, ...]
     results: tuple[Result | None, ...]
 
@@ -49,11 +47,14 @@ def make_board(task: Task, scenario: str, lines: Sequence[tuple[Row, Result | No
     """A board of rows with their results, put in order."""
     ranked = sorted(lines, key=lambda line: _rank(line[0]))
     rows, results = tuple(row for row, _ in ranked), tuple(result for _, result in ranked)
-    return Board(task.id, scenario, task.summary, task.metrics, rows, results)
+    return Board(task, scenario, rows, results)
 
 
-def result_row(result: Result, reference: Result | None) -> Row:
-    """The row of a policy, compared with the reference on the same seeds if there is one."""
+def result_row(task: Task, result: Result, reference: Result | None) -> Row:
+    """The row of a policy, compared with the reference on the same seeds if there is one.
+
+    It has KEYS and, for each metric in `task.shown`, its mean by its name and `NAME_p99`.
+    """
     episodes = result.episodes
     cost = episodes.cost
     row: Row = dict.fromkeys(KEYS) | {key: vars(result)[key] for key in KEYS if key in vars(result)}
@@ -70,6 +71,11 @@ def result_row(result: Result, reference: Result | None) -> Row:
         "effort_mean": mean_of(episodes, EFFORT),
         "nees_mean": None if result.estimator == TRUTH else mean_of(episodes, NEES),
     }
+    if math.isfinite(task.lost_above):
+        row["lost_rate"] = float(np.mean(cost > task.lost_above))
+    for name in task.shown:
+        values = episodes.metrics[name]
+        row |= {name: mean_of(episodes, name), far_end(name): percentile(values, FAR)}
     if reference is not None:
         against = compare(cost, reference.episodes.cost)
         row |= {
@@ -95,6 +101,11 @@ def missing_row(
         "episodes": 0,
         "reason": reason,
     }
+
+
+def far_end(metric: str) -> str:
+    """The key of a shown metric's 99th percentile."""
+    return f"{metric}_p{FAR:.0f}"
 
 
 def is_reference(row: Row) -> bool:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from .board import TAIL, Row, is_reference
+from .board import FAR, TAIL, Board, Row, far_end, is_reference
 from .metrics import COST, MISS
 
 NOTHING = "-"
@@ -136,7 +136,7 @@ COLUMNS = (
     ),
     _column("success", "success_rate", "Share of episodes with success.", write=share, short=True),
     _column("failures", "failure_rate", "Share of episodes with any other end.", write=share),
-    _column("miss", "miss_mean", "Mean distance from the target at the end.", MISS, short=True),
+    _column("miss", "miss_mean", "Mean error of the position at the end.", MISS, short=True),
     _column("Jc", "effort_mean", "Mean cost of control, a part of J.", COST),
     _column(
         "NEES",
@@ -163,3 +163,20 @@ COLUMNS = (
     ),
     _column("µs", "us_per_decision", "CPU time for one decision in a large batch, microseconds."),
 )
+
+
+def columns_of(board: Board) -> tuple[Column, ...]:
+    """The policy, the usual columns, and those that the task asks for."""
+    extra: list[Column] = []
+    limit = board.task.lost_above
+    if math.isfinite(limit):
+        help = "Share of episodes that cost more than this: the heavy tail."
+        extra.append(_column(f"J > {figure(limit)}", "lost_rate", help, write=share))
+    for name in board.task.shown:
+        words = name.removesuffix("_mean").replace("_", " ")
+        tail = f"Its {FAR:.0f}th percentile over the episodes."
+        extra += [
+            _column(words, name, f"Mean {words}, over time and episodes.", name),
+            _column(f"its p{FAR:.0f}", far_end(name), tail, name),
+        ]
+    return (POLICY, *COLUMNS, *extra)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -113,6 +114,8 @@ def fly(
     Raises:
         KeyboardInterrupt: with a message that says what is finished and what is missing.
     """
+    if torch := sys.modules.get("torch"):
+        torch.set_num_threads(1)  # threads that wait for so little work would count as its time
     able = [job for job in jobs if job.entry is not None]
     files: dict[Job, Path] = {}
     try:

@@ -102,7 +102,7 @@ def _board(scene: Scene, files: dict[Job, Path], progress: Any) -> Board:
     for job in scene.jobs:
         if job in flown:
             progress(job)
-            lines.append((result_row(flown[job], reference), flown[job]))
+            lines.append((result_row(scene.task, flown[job], reference), flown[job]))
         else:
             row = missing_row(
                 scene.task.id, scene.scenario, job.estimator, job.perception, job.policy, job.reason

@@ -9,7 +9,7 @@ from typing import Any
 import jinja2
 
 from .board import TRUTH, Board, Row, is_reference
-from .columns import COLUMNS, POLICY, figure, interval, pretty, share, verdict
+from .columns import Column, columns_of, figure, interval, pretty, share, verdict
 from .metrics import COST
 from .plots import LogAxis, cloud_path, log_axis, spread, step_path
 from .results import Result
@@ -33,24 +33,25 @@ def render(boards: Sequence[Board], made: dict[str, Any]) -> str:
     )
     template = environment.from_string(TEMPLATE.read_text(encoding="utf-8"))
     sections = [_section(board) for board in boards]
-    return template.render(sections=sections, columns=(POLICY, *COLUMNS), made=made)
+    words = {column.title: column.help for board in boards for column in columns_of(board)}
+    return template.render(sections=sections, words=words, made=made)
 
 
 def _section(board: Board) -> dict[str, Any]:
     every = list(zip(board.rows, board.results, strict=True))
     lines = [(row, result) for row, result in every if result is not None]
-    styles = _styles(board)
+    styles, columns = _styles(board), columns_of(board)
     seeing = [line for line in lines if line[0]["information"] != "none"]
     reference = next((line for line in lines if is_reference(line[0])), None)
     return {
-        "env": board.env,
+        "env": board.task.id,
         "scenario": board.scenario,
-        "summary": board.summary,
-        "unit": pretty(board.units.get(COST, "")),
+        "summary": board.task.summary,
+        "unit": pretty(board.task.metrics.get(COST, "")),
         "reference": reference and reference[0]["label"],
         "cards": _cards([row for row, _ in lines]),
-        "headings": [column.heading(board.units) for column in (POLICY, *COLUMNS)],
-        "rows": [_table_row(row, result, styles) for row, result in every],
+        "headings": [(column.heading(board.task.metrics), column.help) for column in columns],
+        "rows": [_table_row(columns[1:], row, result, styles) for row, result in every],
         "reasons": [row for row in board.rows if row["reason"] is not None],
         "bars": _bars(lines, styles),
         "curves": _curves(seeing, styles),
@@ -73,13 +74,15 @@ def _is_told(row: Row) -> bool:
     return row["estimator"] == TRUTH
 
 
-def _table_row(row: Row, result: Result | None, styles: Styles) -> dict[str, Any]:
+def _table_row(
+    columns: Sequence[Column], row: Row, result: Result | None, styles: Styles
+) -> dict[str, Any]:
     cells: list[dict[str, Any]] = []
-    for column in COLUMNS:
+    for column in columns:
         main, _, bounds = column.cell(row).partition(" [")
         tone = TONES.get(verdict(row), "") if column.key == "diff_mean" else ""
         cell = {"main": main, "bounds": bounds and f"[{bounds}", "tone": tone}
-        cells.append(cell | {"value": _sortable(row[column.key])})
+        cells.append(cell | {"value": _sortable(row.get(column.key))})
     return {
         "label": row["label"],
         "summary": result.summary if result else row["reason"],

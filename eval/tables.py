@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from .board import Board, Row
-from .columns import COLUMNS, POLICY, Column, pretty, verdict
+from .columns import COLUMNS, POLICY, Column, columns_of, pretty, verdict
 from .metrics import COST
 
 GAP = 2  # characters between columns
@@ -21,8 +21,8 @@ COLOURS = {-1: "green", 1: "red"}
 def show(board: Board, console: Console) -> None:
     """Print a board, in several parts where the terminal is narrow."""
     episodes = max(row["episodes"] for row in board.rows)
-    what = f"[bold]{escape(board.env)}[/]  {escape(board.scenario)}, {episodes} episodes"
-    console.print(f"\n{what}  [dim]{escape(board.summary)}{_unit(board)}[/]\n")
+    what = f"[bold]{escape(board.task.id)}[/]  {escape(board.scenario)}, {episodes} episodes"
+    console.print(f"\n{what}  [dim]{escape(board.task.summary)}{_unit(board)}[/]\n")
     for part in _parts(board, console.width):
         console.print(_table(board, part), "")
     for row in board.rows:
@@ -32,21 +32,23 @@ def show(board: Board, console: Console) -> None:
 
 def markdown(board: Board, made: dict[str, Any]) -> str:
     """A board as a Markdown table with a line that says what it is."""
-    columns = [column for column in (POLICY, *COLUMNS) if column.short]
+    columns = [column for column in columns_of(board) if column.short]
     lines = [
-        _markdown_line([column.heading(board.units) for column in columns]),
+        _markdown_line([column.heading(board.task.metrics) for column in columns]),
         "|---|---|" + "---:|" * (len(columns) - 2),
         *(_markdown_line([column.cell(row) for column in columns]) for row in board.rows),
     ]
     seeds = made["seeds"]
-    flown = f"`{board.env}`, scenario `{board.scenario}`, seeds {seeds['first']} to {seeds['last']}"
+    flown = (
+        f"`{board.task.id}`, scenario `{board.scenario}`, seeds {seeds['first']} to {seeds['last']}"
+    )
     reference = next((row["diff_to"] for row in board.rows if row["diff_to"]), None)
     against = f"; ΔJ and better on: against {reference}, seed by seed" if reference else ""
     return "\n".join([*lines, "", f"{flown}{against}{_unit(board)}."])
 
 
 def _unit(board: Board) -> str:
-    unit = pretty(board.units.get(COST, ""))
+    unit = pretty(board.task.metrics.get(COST, ""))
     return f"; J, Jc and ΔJ in {unit}" if unit else ""
 
 
@@ -54,7 +56,7 @@ def _parts(board: Board, width: int) -> list[list[Column]]:
     """The columns in as few parts as fit the width, in their order, the policy before each part."""
     parts: list[list[Column]] = []
     left = 0
-    for column in COLUMNS:
+    for column in columns_of(board)[1:]:
         needed = _width(column, board) + GAP
         if not parts or needed > left:
             parts.append([])
@@ -65,7 +67,7 @@ def _parts(board: Board, width: int) -> list[list[Column]]:
 
 
 def _width(column: Column, board: Board) -> int:
-    heading = column.heading(board.units, "\n").split("\n")
+    heading = column.heading(board.task.metrics, "\n").split("\n")
     return max(len(text) for text in (*heading, *(column.cell(row) for row in board.rows)))
 
 
@@ -74,7 +76,7 @@ def _table(board: Board, columns: Sequence[Column]) -> Table:
     table.show_edge = False
     for column in (POLICY, *columns):
         justify = "left" if column is POLICY or column is COLUMNS[0] else "right"
-        table.add_column(column.heading(board.units, "\n"), justify=justify, no_wrap=True)
+        table.add_column(column.heading(board.task.metrics, "\n"), justify=justify, no_wrap=True)
     for above, row in zip((board.rows[0], *board.rows), board.rows, strict=False):
         if row["estimator"] != above["estimator"]:
             table.add_section()

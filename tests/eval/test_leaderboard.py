@@ -12,6 +12,7 @@ import pytest
 from rich.console import Console
 
 from agents.classical import ZeroPolicy
+from agents.registry import shipped
 from eval import jobs, leaderboard, results, tables
 from eval.board import make_board, missing_row
 from eval.columns import figure, interval, share
@@ -19,6 +20,7 @@ from eval.jobs import plan_scene
 from eval.leaderboard import Options, run
 from visenvs.core.cli import guarded
 from visenvs.core.registry import environment_files, laws, load_task
+from visenvs.core.units import FOOT
 
 ENV = "visenvs/Rendezvous-v0"
 ROOT = Path(__file__).resolve().parents[2]
@@ -67,7 +69,7 @@ def row_of(rows, policy, estimator="ekf"):
 def test_rows_have_the_published_keys(rows):
     for row in rows:
         assert KEYS <= set(row)
-        assert set(row) - KEYS == {"label", "cost_iqm", "reason"}
+        assert set(row) - KEYS == {"label", "cost_iqm", "lost_rate", "reason"}
 
 
 def test_the_reference_flies_too_and_every_law_once_more_on_the_truth(rows):
@@ -143,12 +145,45 @@ def test_the_page_and_the_readme_hold_every_policy(written):
 
 
 def test_by_default_every_environment_flies_with_what_ships():
+    flying = set()
     for env in environment_files():
-        scene = plan_scene(env, None, None, None, "lq")
+        scene = plan_scene(env, None, None, None, None)
         told = [job.policy for job in scene.jobs if job.told_truth]
-        assert {"zero", "random", *laws()} <= {job.policy for job in scene.jobs}
+        assert {"zero", "random", *shipped(env)} <= {job.policy for job in scene.jobs}
+        assert all(job.entry is not None for job in scene.jobs)
         assert set(told) <= set(laws())
         assert scene.scenario == next(iter(load_task(env).scenarios))
+        flying |= {job.policy for job in scene.jobs}
+    assert set(laws()) <= flying
+
+
+def test_a_model_brings_its_own_information_set():
+    scene = plan_scene("visenvs/Tracking2D-v0", None, None, ["recurrent-ppo", "ppo-lq"], "lq")
+    assert [job.entry.information for job in scene.jobs[:3]] == ["raw", "belief", "belief"]
+    assert [job.entry.config.observation for job in scene.jobs[:3]] == ["raw", "belief", "belief"]
+
+
+def test_a_task_adds_columns_of_its_own(written):
+    task = load_task("visenvs/BearingsOnly-v0")
+    options = Options(env=task.id, policies="straight", episodes=20, json=written / "bearings.json")
+    assert guarded(lambda: run(options)) == 0
+    row = json.loads((written / "bearings.json").read_text())["rows"][0]
+    errors = results.load(next(results.RESULTS.rglob("straight.json"))).episodes.metrics
+    worst = np.sort(errors["position_error_mean"])
+    assert row["position_error_mean"] == pytest.approx(worst.mean())
+    assert row["position_error_mean_p99"] == worst[-1]
+    assert row["lost_rate"] is None
+
+
+def test_disasters_are_counted_apart(written):
+    task = load_task("visenvs/Tracking2D-v0")
+    options = Options(env=task.id, policies="zero", episodes=50, json=written / "tracking.json")
+    assert guarded(lambda: run(options)) == 0
+    rows = json.loads((written / "tracking.json").read_text())["rows"]
+    costs = results.load(next(results.RESULTS.rglob("zero.json"))).episodes.cost
+    zero = next(row for row in rows if row["policy"] == "zero")
+    assert 0.0 < zero["lost_rate"] < 1.0
+    assert zero["lost_rate"] == np.mean(costs / FOOT**2 > 200.0)
 
 
 def test_one_estimator_for_all_leaves_no_second_row():

@@ -68,10 +68,10 @@ def rendered(*costs_by_policy):
     flown = [
         a_result(name, cost, "none" if name == "zero" else "belief") for name, cost in costs.items()
     ]
-    lines = [(result_row(result, flown[0]), result) for result in flown]
+    task = load_task("visenvs/Rendezvous-v0")
+    lines = [(result_row(task, result, flown[0]), result) for result in flown]
     reason = "needs a <field> that is not there"
     missing = missing_row("visenvs/Rendezvous-v0", "random", "ekf", "points", "blind", reason)
-    task = load_task("visenvs/Rendezvous-v0")
     parser = Strict()
     text = page.render([make_board(task, "random", [*lines, (missing, None)])], MADE)
     parser.feed(text)

@@ -51,6 +51,8 @@ class Task:
         views: observation layouts by the choices of the configuration's `observation`; empty where
             there is only one.
         reference: the law that the leaderboard compares the others with.
+        shown: metrics that tables show beside the usual ones, mean and 99th percentile.
+        lost_above: cost above which an episode was a disaster; tables show the share of these.
     """
 
     id: str
@@ -67,6 +69,8 @@ class Task:
     picture: str = field(default="")
     views: Mapping[str, Layout] = field(default_factory=dict[str, Layout])
     reference: str = "lq"
+    shown: tuple[str, ...] = ()
+    lost_above: float = math.inf
 
     def under(self, config: Config) -> Task:
         """The card with the observation that a configuration asks for."""

@@ -379,4 +379,5 @@ TASK = Task(
     max_steps=no_limit,
     picture="visenvs.render.bearings_only:draw",
     reference="straight",
+    shown=("position_error_mean",),
 )

@@ -372,4 +372,5 @@ TASK = Task(
     step_lanes=step_lanes,
     max_steps=no_limit,
     picture="visenvs.render.tracking2d:draw",
+    lost_above=200 * FOOT**2,
 )
