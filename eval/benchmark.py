@@ -14,9 +14,9 @@ from visenvs.core.files import check_writable, write_json
 from visenvs.core.provenance import provenance
 
 from .benchmarks import Budget, Row, groups
+from .tables import screen
 
 PROGRAM = "eval.benchmark"
-PIPED = 120  # columns where the output is not a terminal
 
 
 @dataclass(frozen=True)
@@ -51,9 +51,7 @@ def measure(options: Options, budget: Budget) -> None:
         progress.print(f"measuring {name}", highlight=False)
         rows[name] = [row for row in group.rows(budget) if row.id not in seen]
         seen |= {row.id for row in rows[name]}
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=PIPED)
+    console = screen()
     console.print(table(rows))
     for name, group in chosen.items():
         console.print(f"{name} wants: {group.WANTS}", highlight=False, soft_wrap=True)

@@ -24,7 +24,6 @@ from .rollout import PUBLIC_SEEDS, public_seeds
 
 PROGRAM = "eval.leaderboard"
 BLOCK = "leaderboard"  # the marker in Markdown files
-PIPED = 220  # columns where the output is not a terminal
 
 
 @dataclass(frozen=True)
@@ -67,9 +66,7 @@ def run(options: Options) -> None:
     made = results.meta(PROGRAM, seeds)
     boards = make_boards(scenes, seeds, made)
     written = _write(options, boards, made)
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=PIPED)
+    console = tables.screen()
     for board in boards:
         tables.show(board, console)
     for path in written:

@@ -18,6 +18,7 @@ from visenvs.core.provenance import provenance
 
 from .cases import Row, cases
 from .rollout import PUBLIC_SEEDS, public_seeds
+from .tables import screen
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ def main(options: Options) -> None:
         rows += case.rows(options.episodes)
         if options.plots is not None and hasattr(case, "plot"):
             print(f"written: {case.plot(options.plots, options.episodes)}")
-    Console().print(table(rows))
+    screen().print(table(rows))
     if options.json is not None:
         seeds = {"first": PUBLIC_SEEDS[0], "count": options.episodes}
         content = [{**asdict(row), "ok": row.ok} for row in rows]

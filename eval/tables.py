@@ -16,6 +16,13 @@ from .metrics import COST
 
 GAP = 2  # characters between columns
 COLOURS = {-1: "green", 1: "red"}
+PIPED = 220  # columns where the output is not a terminal
+
+
+def screen() -> Console:
+    """Where tables are printed: as wide as they like unless it is a terminal."""
+    console = Console()
+    return console if console.is_terminal else Console(width=PIPED)
 
 
 def show(board: Board, console: Console) -> None:

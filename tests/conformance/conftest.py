@@ -6,23 +6,18 @@ is, so that its cases also say that a new environment is one file.
 
 from __future__ import annotations
 
-import importlib
-from contextlib import contextmanager
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import get_args
 
 import gymnasium as gym
 import numpy as np
 import pytest
 
-import visenvs
-import visenvs.envs
+from tests.toys import toys
 from visenvs.core import registry
 from visenvs.core.config import field_types, override
 from visenvs.core.lanes import Lanes
 
-TOYS = Path(__file__).parents[1] / "toys"
 SAME_STEP = gym.vector.AutoresetMode.SAME_STEP
 
 
@@ -64,23 +59,6 @@ class Case:
     def actions(self, *shape, seed=7):
         size = self.task.action.size
         return np.random.default_rng(seed).uniform(-1, 1, (*shape, size)).astype(np.float32)
-
-
-@contextmanager
-def toys():
-    """Make the toys the only environments there are."""
-    before = set(gym.registry)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(registry, "PACKAGE", TOYS)
-        patch.setattr(visenvs.envs, "__path__", [str(TOYS / "envs")])
-        registry.environment_files.cache_clear()
-        importlib.reload(visenvs)
-        try:
-            yield
-        finally:
-            registry.environment_files.cache_clear()
-            for name in set(gym.registry) - before:
-                del gym.registry[name]
 
 
 def cases(toy):

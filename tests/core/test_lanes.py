@@ -3,33 +3,22 @@
 from __future__ import annotations
 
 import copy
-import importlib.util
 import pickle
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numba
 import numpy as np
 import pytest
 
+from tests.toys import toys
 from visenvs.core.lanes import Lanes, begin, checked_seeds, settle
 from visenvs.core.outcome import Outcome
 from visenvs.core.registry import load_task
 
 pytestmark = pytest.mark.kernel
 
-TOY = Path(__file__).parents[1] / "toys" / "envs" / "cart.py"
-
-
-def load(path):
-    spec = importlib.util.spec_from_file_location(f"toy_{path.stem}", path)
-    module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-CART = load(TOY).TASK
+with toys():
+    CART = load_task("visenvs/Cart-v0")
 ENDLESS = CART.scenarios["endless"]  # it never succeeds, so that only the limit can end it
 COAST = np.zeros((3, 1), np.float32)
 
@@ -118,6 +107,15 @@ def test_a_partial_reset_leaves_the_other_lanes_alone():
     alone = carts(1)
     alone.reset([9])
     assert lanes.records[1] == alone.records[0] and (lanes.rows[1] == alone.rows[0]).all()
+
+
+@pytest.mark.parametrize("seeds", [None, []])
+def test_a_reset_of_no_lane_does_nothing(seeds):
+    lanes = carts()
+    lanes.step(COAST + 1)
+    before, rows = lanes.snapshot(), lanes.rows.copy()
+    lanes.reset(seeds, np.zeros(3, bool))
+    assert lanes.records.tobytes() == before.tobytes() and (lanes.rows == rows).all()
 
 
 def test_bad_costs_diverge_without_a_reward():

@@ -16,10 +16,13 @@ def launch(program: str, options: type[Options], run: Callable[[Options], None])
 
     A ValueError, OSError, ImportError or Ctrl-C becomes one line on stderr and a code other than 0.
     """
-    import tyro
 
-    chosen = tyro.cli(options, prog=f"python -m {program}", description=run.__doc__)
-    sys.exit(guarded(lambda: run(chosen)))
+    def command() -> None:
+        import tyro
+
+        run(tyro.cli(options, prog=f"python -m {program}", description=run.__doc__))
+
+    sys.exit(guarded(command))
 
 
 def guarded(command: Callable[[], None]) -> int:

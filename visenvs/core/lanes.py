@@ -47,6 +47,7 @@ class Task:
             given, zeroed but for its seed and episode.
         step_lanes: compiled (lanes, actions, config) -> None; advances every lane that is running.
         max_steps: from the config, after how many steps a running lane is cut off; 0 for never.
+            Tasks that end by themselves need none.
         picture: "module:function" that draws one lane record, imported when a frame is asked for.
         views: observation layouts by the choices of the configuration's `observation`; empty where
             there is only one.
@@ -65,7 +66,7 @@ class Task:
     metrics: Mapping[str, str]
     reset_lanes: Callable[..., None]
     step_lanes: Callable[..., None]
-    max_steps: Callable[[Any], int]
+    max_steps: Callable[[Any], int] = field(default=lambda _config: 0)
     picture: str = field(default="")
     views: Mapping[str, Layout] = field(default_factory=dict[str, Layout])
     reference: str = "lq"

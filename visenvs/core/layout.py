@@ -29,7 +29,7 @@ class Field:
         name: as in the lane record, with its frame (`rhat_TV_N`).
         size: how many numbers.
         unit: SI unit, "" when dimensionless.
-        frame: N, B, C, or "" for scalars.
+        frame: N, B, C, L (along the estimated line of sight), or "" for scalars.
         low, high: bounds in SI; values beyond them are clipped in the row.
         scale: the SI value that becomes 1 in the row.
         doc: what it is, for the tables.

@@ -25,3 +25,24 @@ def move(r, v, a, dt):
     for i in range(r.shape[0]):
         r[i] += dt * (v[i] + 0.5 * dt * a[i])
         v[i] += dt * a[i]
+
+
+@kernel
+def fly(lane, action, cfg, moved):
+    """Obey a command for one step; `moved` receives the displacement in N, m, shape (D,).
+
+    Args:
+        lane: record with r_V_N, r_TV_N (own position; a fixed target relative to it), v_V_N and
+            a_V_N, (D,), SI; changed in place.
+        action: acceleration over the largest one, (D,).
+        cfg: record with a_max (m/s^2), dt (s).
+    """
+    a = lane["a_V_N"]
+    for i in range(a.shape[0]):
+        a[i] = cfg["a_max"] * action[i]
+        moved[i] = 0.0
+    saturate(a, cfg["a_max"], a)
+    move(moved, lane["v_V_N"], a, cfg["dt"])
+    for i in range(a.shape[0]):
+        lane["r_V_N"][i] += moved[i]
+        lane["r_TV_N"][i] -= moved[i]

@@ -25,14 +25,8 @@ from visenvs.core.layout import Field, Layout
 from visenvs.core.noise import normal_pair, uniform_pair
 from visenvs.core.outcome import MISS, RUNNING, SUCCESS
 from visenvs.dynamics.turning import turn
+from visenvs.estimation import moving
 from visenvs.estimation.ekf import factorise, pack_lower, whiten
-from visenvs.estimation.moving import (
-    SCRATCH,
-    predict,
-    turn_axes,
-    update_extended,
-    update_unscented,
-)
 from visenvs.sensors.bearing import take_bearing
 
 ENV_ID = "visenvs/BearingsOnly-v0"
@@ -98,106 +92,54 @@ SCENARIOS = {"random": BearingsOnlyConfig()}
 
 UNSCENTED = code(BearingsOnlyConfig, "estimator", "ukf")
 
-LANE = lane_dtype(
-    [
-        ("r_TV_N", "f8", (2,)),  # target relative to the observer, truth
-        ("v_T_N", "f8", (2,)),  # target, truth
-        ("r_V_N", "f8", (2,)),  # observer, known to itself
-        ("v_V_N", "f8", (2,)),
-        ("turn_rate", "f8"),
-        ("rhat_TV_N", "f8", (2,)),
-        ("vhat_T_N", "f8", (2,)),
-        ("P", "f8", (4, 4)),  # of the position, then the velocity
-        ("range_hat", "f8"),
-        ("vhat_T_L", "f8", (2,)),
-        ("chol_r", "f8", (3,)),  # rows of the lower Cholesky factor of P in L: of the position,
-        ("chol_v", "f8", (7,)),  # and of the velocity
-        ("v_V_L", "f8", (2,)),
-        ("bearing", "f8", (1,)),  # last measured
-        ("innovation", "f8"),
-        ("seen", "f8"),  # 1 where the last look gave a measurement
-        ("t_go", "f8"),
-        ("cost_error", "f8"),
-        ("cost_consistency", "f8"),
-        ("cost_control", "f8"),
-        ("total_cost", "f8"),
-        ("control_cost", "f8"),
-        ("position_error", "f8"),
-        ("position_error_mean", "f8"),
-        ("miss_distance", "f8"),
-        ("mahalanobis", "f8"),  # of the position
-        ("mahalanobis_peak", "f8"),
-        ("nees", "f8"),  # of position and velocity
-        ("nees_mean", "f8"),
-    ]
-)
+LANE = lane_dtype([
+    ("r_TV_N", "f8", (2,)),  # target relative to the observer, truth
+    ("v_T_N", "f8", (2,)),  # target, truth
+    ("r_V_N", "f8", (2,)), ("v_V_N", "f8", (2,)),  # observer, known to itself
+    ("turn_rate", "f8"),
+    ("rhat_TV_N", "f8", (2,)), ("vhat_T_N", "f8", (2,)),
+    ("P", "f8", (4, 4)),  # of the position, then the velocity
+    ("range_hat", "f8"), ("vhat_T_L", "f8", (2,)),
+    # rows of the lower Cholesky factor of P in L: of the position, and of the velocity
+    ("chol_r", "f8", (3,)), ("chol_v", "f8", (7,)),
+    ("v_V_L", "f8", (2,)),
+    ("bearing", "f8", (1,)),  # last measured
+    ("innovation", "f8"),
+    ("seen", "f8"),  # 1 where the last look gave a measurement
+    ("t_go", "f8"),
+    ("cost_error", "f8"), ("cost_consistency", "f8"), ("cost_control", "f8"),
+    ("total_cost", "f8"), ("control_cost", "f8"),
+    ("position_error", "f8"), ("position_error_mean", "f8"), ("miss_distance", "f8"),
+    ("mahalanobis", "f8"), ("mahalanobis_peak", "f8"),  # of the position
+    ("nees", "f8"), ("nees_mean", "f8"),  # of position and velocity
+])  # fmt: skip
 
-OBSERVATION = Layout(
-    (
-        Field(
-            "range_hat",
-            1,
-            "m",
-            "",
-            0.0,
-            20000.0,
-            2000.0,
-            "estimated range of the target, along the first axis of L",
-        ),
-        Field("vhat_T_L", 2, "m/s", "L", -50.0, 50.0, 5.0, "estimated velocity of the target"),
-        Field(
-            "chol_r",
-            3,
-            "m",
-            "L",
-            -5000.0,
-            5000.0,
-            500.0,
-            "lower Cholesky factor of the covariance, row by row: rows of the position",
-        ),
-        Field("chol_v", 7, "m/s", "L", -50.0, 50.0, 5.0, "and rows of the velocity"),
-        Field("v_V_L", 2, "m/s", "L", -50.0, 50.0, 20.0, "own velocity"),
-        Field(
-            "innovation",
-            1,
-            "rad",
-            "",
-            -math.pi,
-            math.pi,
-            0.05,
-            "last innovation of the bearing, 0 without a measurement",
-        ),
-        Field("seen", 1, "", "", 0.0, 1.0, 1.0, "1 where the last look gave a measurement"),
-        Field("t_go", 1, "s", "", 0.0, 1000.0, 300.0, "time to go"),
-    )
-)
-ACTION = Layout(
-    (
-        Field(
-            "turn_rate",
-            1,
-            "turn_max",
-            "",
-            -1.0,
-            1.0,
-            1.0,
-            "commanded turn rate over the fastest one, clockwise positive",
-        ),
-    )
-)
+OBSERVATION = Layout((
+    Field("range_hat", 1, "m", "", 0.0, 20000.0, 2000.0,
+          "estimated range of the target, along the first axis of L"),
+    Field("vhat_T_L", 2, "m/s", "L", -50.0, 50.0, 5.0, "estimated velocity of the target"),
+    Field("chol_r", 3, "m", "L", -5000.0, 5000.0, 500.0,
+          "lower Cholesky factor of the covariance, row by row: rows of the position"),
+    Field("chol_v", 7, "m/s", "L", -50.0, 50.0, 5.0, "and rows of the velocity"),
+    Field("v_V_L", 2, "m/s", "L", -50.0, 50.0, 20.0, "own velocity"),
+    Field("innovation", 1, "rad", "", -math.pi, math.pi, 0.05,
+          "last innovation of the bearing, 0 without a measurement"),
+    Field("seen", 1, "", "", 0.0, 1.0, 1.0, "1 where the last look gave a measurement"),
+    Field("t_go", 1, "s", "", 0.0, 1000.0, 300.0, "time to go"),
+))  # fmt: skip
+ACTION = Layout((
+    Field("turn_rate", 1, "turn_max", "", -1.0, 1.0, 1.0,
+          "commanded turn rate over the fastest one, clockwise positive"),
+))  # fmt: skip
 
-WORK = np.dtype(
-    [
-        ("filter", SCRATCH),
-        ("x", "f8", (4,)),  # the estimate as the filter's state
-        ("x_L", "f8", (4,)),
-        ("P_L", "f8", (4, 4)),
-        ("chol", "f8", (10,)),  # of P_L
-        ("e", "f8", (4,)),  # its error
-        ("e_L", "f8", (4,)),
-        ("moved", "f8", (2,)),
-    ]
-)
+WORK = np.dtype([
+    ("filter", moving.SCRATCH),
+    ("x", "f8", (4,)),  # the estimate as the filter's state
+    ("x_L", "f8", (4,)), ("P_L", "f8", (4, 4)),  # estimate and covariance in L
+    ("chol", "f8", (10,)),  # of P_L
+    ("e", "f8", (4,)), ("e_L", "f8", (4,)),  # error of the estimate
+    ("moved", "f8", (2,)),
+])  # fmt: skip
 
 
 @kernel
@@ -205,7 +147,7 @@ def step_lane(lane, action, cfg, work):
     """One step: act and move, sense and estimate, score."""
     fly(lane, action, cfg, work["moved"])
     gather(lane, work["x"])
-    predict(work["x"], lane["P"], work["moved"], cfg["dt"])
+    moving.predict(work["x"], lane["P"], work["moved"], cfg["dt"])
     look(lane, cfg, work)
     score(lane, cfg, work)
 
@@ -246,9 +188,9 @@ def look(lane, cfg, work):
     if take_bearing(lane["r_TV_N"], cfg, seed, episode, step, BEARING, out):
         lane["seen"] = 1.0
         if cfg["estimator"] == UNSCENTED:
-            lane["innovation"] = update_unscented(x, P, out[0], cfg, work["filter"])
+            lane["innovation"] = moving.update_unscented(x, P, out[0], cfg, work["filter"])
         else:
-            lane["innovation"] = update_extended(x, P, out[0], cfg, work["filter"])
+            lane["innovation"] = moving.update_extended(x, P, out[0], cfg, work["filter"])
     for i in range(2):
         lane["rhat_TV_N"][i] = x[i]
         lane["vhat_T_N"][i] = x[i + 2]
@@ -260,7 +202,7 @@ def describe(lane, work):
     """Write belief and own velocity in L, the axes along the estimated line of sight."""
     x, x_L, P_L, chol = work["x"], work["x_L"], work["P_L"], work["chol"]
     sight = bearing(x)
-    turn_axes(sight, x, lane["P"], x_L, P_L)
+    moving.turn_axes(sight, x, lane["P"], x_L, P_L)
     pack_lower(P_L, chol)
     factorise(chol, 4)
     lane["range_hat"] = x_L[0]
@@ -283,7 +225,7 @@ def score(lane, cfg, work):
         e[i] = lane["rhat_TV_N"][i] - lane["r_TV_N"][i]
         e[i + 2] = lane["vhat_T_N"][i] - lane["v_T_N"][i]
     error = math.sqrt(e[0] * e[0] + e[1] * e[1])
-    turn_axes(bearing(work["x"]), e, lane["P"], work["e_L"], work["P_L"])
+    moving.turn_axes(bearing(work["x"]), e, lane["P"], work["e_L"], work["P_L"])
     lane["position_error"] = error
     lane["position_error_mean"] += (error - lane["position_error_mean"]) / lane["step"]
     lane["nees"] = whiten(work["chol"], work["e_L"], e)
@@ -323,10 +265,8 @@ def place(lane, cfg, work):
     lane["rhat_TV_N"][0], lane["rhat_TV_N"][1] = length * c, length * s
     lane["r_TV_N"][0] = length * c + along * e[0] * c - cross * e[1] * s
     lane["r_TV_N"][1] = length * s + along * e[0] * s + cross * e[1] * c
-    lane["v_V_N"][0], lane["v_V_N"][1] = (
-        cfg["speed"] * math.cos(course),
-        cfg["speed"] * math.sin(course),
-    )
+    lane["v_V_N"][0] = cfg["speed"] * math.cos(course)
+    lane["v_V_N"][1] = cfg["speed"] * math.sin(course)
     P = lane["P"]
     P[0, 0] = (along * c) ** 2 + (cross * s) ** 2
     P[0, 1] = P[1, 0] = (along * along - cross * cross) * c * s
@@ -353,11 +293,6 @@ def step_lanes(lanes, actions, config):
             step_lane(lanes[i], actions[i], config[0], work[0])
 
 
-def no_limit(_config: BearingsOnlyConfig) -> int:
-    """The terminal time ends every episode."""
-    return 0
-
-
 TASK = Task(
     id=ENV_ID,
     summary="move so that the bearings of a moving target tell where it is",
@@ -376,8 +311,7 @@ TASK = Task(
     },
     reset_lanes=reset_lanes,
     step_lanes=step_lanes,
-    max_steps=no_limit,
     picture="visenvs.render.bearings_only:draw",
     reference="straight",
-    shown=("position_error_mean",),
+    shown=("position_error_mean", "miss_distance"),
 )

@@ -19,7 +19,7 @@ from visenvs.core.layout import Field, Layout
 from visenvs.core.noise import normal, normal_pair, uniform_pair
 from visenvs.core.outcome import MISS, RUNNING, SUCCESS
 from visenvs.core.units import FOOT
-from visenvs.dynamics.point_mass import move, saturate
+from visenvs.dynamics.point_mass import fly
 from visenvs.estimation.ekf import factorise, pack_lower, whiten
 from visenvs.estimation.stationary import SCRATCH, predict, update
 from visenvs.estimation.truth import reveal
@@ -61,9 +61,7 @@ class RendezvousConfig:
     range_error: float = 0.2  # standard deviation of the true range over the estimated one
     cross_error: float = 1 * FOOT  # standard deviation of the target across the line of sight, m
     speed_drawn: tuple[float, float] = (0.0, 15 * FOOT)  # own speed, m/s
-    heading_drawn: float = math.radians(
-        45.0
-    )  # half width of the velocity's azimuth off the target, rad
+    heading_drawn: float = math.radians(45.0)  # half width, of the velocity off the target, rad
     target: tuple[float, float, float] = (100 * FOOT, 20 * FOOT, 20 * FOOT)  # in N, m
     velocity: tuple[float, float, float] = (10 * FOOT, 2 * FOOT, 0.0)  # own, in N, m/s
     error: tuple[float, float, float] = (-20 * FOOT, -20 * FOOT, -20 * FOOT)  # estimate - truth, m
@@ -97,14 +95,13 @@ class RendezvousConfig:
         )
 
 
-THESIS = (
-    RendezvousConfig(  # 4.2.3; what it leaves open (dt, L_c, guards, no limit) as in docs/misprints
-        a_max=1000 * FOOT,
-        camera="fixed",
-        half_width=1e9,  # 180 deg
-        p_detect=1.0,
-        start="fixed",
-    )
+# 4.2.3; what it leaves open (dt, L_c, guards, no limit) as in docs/misprints
+THESIS = RendezvousConfig(
+    a_max=1000 * FOOT,
+    camera="fixed",
+    half_width=1e9,  # 180 deg
+    p_detect=1.0,
+    start="fixed",
 )
 SCENARIOS = {
     "random": RendezvousConfig(),
@@ -117,81 +114,40 @@ TRUTH = code(RendezvousConfig, "estimator", "truth")
 GIMBAL = code(RendezvousConfig, "camera", "gimbal")
 FIXED = code(RendezvousConfig, "start", "fixed")
 
-LANE = lane_dtype(
-    [
-        ("r_T_N", "f8", (3,)),  # target, truth
-        ("r_TV_N", "f8", (3,)),  # target relative to the vehicle, truth
-        ("r_V_N", "f8", (3,)),  # vehicle, known to itself
-        ("v_V_N", "f8", (3,)),
-        ("a_V_N", "f8", (3,)),  # applied acceleration
-        ("rhat_TV_N", "f8", (3,)),  # estimate of r_TV_N
-        ("P", "f8", (3, 3)),
-        ("chol", "f8", (6,)),  # rows of the lower Cholesky factor of P
-        ("C_CN", "f8", (3, 3)),
-        ("pixel", "f8", (2,)),  # last measured image point
-        ("innovation", "f8", (2,)),
-        ("seen", "f8"),  # 1 where the last image gave a measurement
-        ("t_go", "f8"),
-        ("cost_control", "f8"),
-        ("cost_position", "f8"),
-        ("cost_velocity", "f8"),
-        ("total_cost", "f8"),
-        ("control_cost", "f8"),
-        ("terminal_cost", "f8"),
-        ("miss_distance", "f8"),
-        ("range_error_end", "f8"),
-        ("nees", "f8"),
-        ("nees_mean", "f8"),
-        ("peak_acceleration", "f8"),
-        ("integrated_acceleration", "f8"),
-    ]
-)
+LANE = lane_dtype([
+    ("r_T_N", "f8", (3,)),  # target, truth
+    ("r_TV_N", "f8", (3,)),  # target relative to the vehicle, truth
+    ("r_V_N", "f8", (3,)), ("v_V_N", "f8", (3,)),  # vehicle, known to itself
+    ("a_V_N", "f8", (3,)),  # applied acceleration
+    ("rhat_TV_N", "f8", (3,)), ("P", "f8", (3, 3)),  # estimate of r_TV_N
+    ("chol", "f8", (6,)),  # rows of the lower Cholesky factor of P
+    ("C_CN", "f8", (3, 3)),
+    ("pixel", "f8", (2,)),  # last measured image point
+    ("innovation", "f8", (2,)),
+    ("seen", "f8"),  # 1 where the last image gave a measurement
+    ("t_go", "f8"),
+    ("cost_control", "f8"), ("cost_position", "f8"), ("cost_velocity", "f8"),
+    ("total_cost", "f8"), ("control_cost", "f8"), ("terminal_cost", "f8"),
+    ("miss_distance", "f8"), ("range_error_end", "f8"),
+    ("nees", "f8"), ("nees_mean", "f8"),
+    ("peak_acceleration", "f8"), ("integrated_acceleration", "f8"),
+])  # fmt: skip
 
-OBSERVATION = Layout(
-    (
-        Field(
-            "rhat_TV_N",
-            3,
-            "m",
-            "N",
-            -250.0,
-            250.0,
-            50.0,
-            "estimated position of the target relative to the vehicle",
-        ),
-        Field(
-            "chol",
-            6,
-            "m",
-            "N",
-            -50.0,
-            50.0,
-            10.0,
-            "lower Cholesky factor of its covariance, row by row",
-        ),
-        Field("v_V_N", 3, "m/s", "N", -50.0, 50.0, 5.0, "own velocity"),
-        Field(
-            "innovation",
-            2,
-            "",
-            "C",
-            -1.0,
-            1.0,
-            0.2,
-            "last innovation of the image point, 0 without a measurement",
-        ),
-        Field("seen", 1, "", "", 0.0, 1.0, 1.0, "1 where the last image gave a measurement"),
-        Field("t_go", 1, "s", "", 0.0, 100.0, 20.0, "time to go"),
-    )
-)
-ACTION = Layout(
-    (
-        Field(
-            "a_V_N", 3, "a_max", "N", -1.0, 1.0, 1.0, "commanded acceleration over the longest one"
-        ),
-    )
-)
-
+OBSERVATION = Layout((
+    Field("rhat_TV_N", 3, "m", "N", -250.0, 250.0, 50.0,
+          "estimated position of the target relative to the vehicle"),
+    Field("chol", 6, "m", "N", -50.0, 50.0, 10.0,
+          "lower Cholesky factor of its covariance, row by row"),
+    Field("v_V_N", 3, "m/s", "N", -50.0, 50.0, 5.0, "own velocity"),
+    Field("innovation", 2, "", "C", -1.0, 1.0, 0.2,
+          "last innovation of the image point, 0 without a measurement"),
+    Field("seen", 1, "", "", 0.0, 1.0, 1.0, "1 where the last image gave a measurement"),
+    Field("t_go", 1, "s", "", 0.0, 100.0, 20.0, "time to go"),
+))  # fmt: skip
+ACTION = Layout((
+    Field("a_V_N", 3, "a_max", "N", -1.0, 1.0, 1.0,
+          "commanded acceleration over the longest one"),
+))  # fmt: skip
 
 WORK = np.dtype([("filter", SCRATCH), ("axes", "f8", (3, 3)), ("u", "f8", (3,))])
 
@@ -216,20 +172,6 @@ def reset_lane(lane, cfg, work):
         lane["r_TV_N"][i] = lane["r_T_N"][i]
     lane["t_go"] = cfg["t_f"]
     look(lane, cfg, work)
-
-
-@kernel
-def fly(lane, action, cfg, moved):
-    """Apply the saturated command for one step; `moved` receives the displacement (N, m)."""
-    a = lane["a_V_N"]
-    for i in range(3):
-        a[i] = cfg["a_max"] * action[i]
-        moved[i] = 0.0
-    saturate(a, cfg["a_max"], a)
-    move(moved, lane["v_V_N"], a, cfg["dt"])
-    for i in range(3):
-        lane["r_V_N"][i] += moved[i]
-        lane["r_TV_N"][i] -= moved[i]
 
 
 @kernel
@@ -344,11 +286,6 @@ def step_lanes(lanes, actions, config):
             step_lane(lanes[i], actions[i], config[0], work[0])
 
 
-def no_limit(_config: RendezvousConfig) -> int:
-    """The terminal time ends every episode."""
-    return 0
-
-
 TASK = Task(
     id=ENV_ID,
     summary="fly to a stationary target seen by one camera, and be there on time",
@@ -369,6 +306,5 @@ TASK = Task(
     },
     reset_lanes=reset_lanes,
     step_lanes=step_lanes,
-    max_steps=no_limit,
     picture="visenvs.render.rendezvous:draw",
 )

@@ -20,7 +20,7 @@ from visenvs.core.noise import normal, uniform
 from visenvs.core.outcome import MISS, RUNNING, SUCCESS
 from visenvs.core.pinhole import pixel_variance
 from visenvs.core.units import FOOT
-from visenvs.dynamics.point_mass import move, saturate
+from visenvs.dynamics.point_mass import fly
 from visenvs.estimation import grid, planar
 from visenvs.estimation.ekf import factorise, pack_lower, whiten
 from visenvs.estimation.stationary import predict
@@ -110,92 +110,50 @@ GRID = code(Tracking2DConfig, "estimator", "grid")
 TRUTH = code(Tracking2DConfig, "estimator", "truth")
 FIXED = code(Tracking2DConfig, "start", "fixed")
 
-LANE = lane_dtype(
-    [
-        ("r_T_N", "f8", (2,)),  # target, truth
-        ("r_TV_N", "f8", (2,)),  # target relative to the vehicle, truth
-        ("r_V_N", "f8", (2,)),  # vehicle, known to itself
-        ("v_V_N", "f8", (2,)),
-        ("a_V_N", "f8", (2,)),  # applied acceleration
-        ("rhat_TV_N", "f8", (2,)),  # estimate of r_TV_N
-        ("P", "f8", (2, 2)),
-        ("chol", "f8", (3,)),  # rows of the lower Cholesky factor of P
-        ("pixel", "f8"),  # last measured image point
-        ("innovation", "f8"),
-        ("seen", "f8"),  # 1 where the last image gave a measurement
-        ("t_go", "f8"),
-        ("cost_control", "f8"),
-        ("cost_position", "f8"),
-        ("cost_velocity", "f8"),
-        ("total_cost", "f8"),
-        ("control_cost", "f8"),
-        ("terminal_cost", "f8"),
-        ("miss_distance", "f8"),
-        ("range_error_end", "f8"),
-        ("nees", "f8"),
-        ("nees_mean", "f8"),
-        ("peak_acceleration", "f8"),
-        ("integrated_acceleration", "f8"),
-        ("posterior", grid.GRID),  # of the estimator "grid"
-    ]
-)
+LANE = lane_dtype([
+    ("r_T_N", "f8", (2,)),  # target, truth
+    ("r_TV_N", "f8", (2,)),  # target relative to the vehicle, truth
+    ("r_V_N", "f8", (2,)), ("v_V_N", "f8", (2,)),  # vehicle, known to itself
+    ("a_V_N", "f8", (2,)),  # applied acceleration
+    ("rhat_TV_N", "f8", (2,)), ("P", "f8", (2, 2)),  # estimate of r_TV_N
+    ("chol", "f8", (3,)),  # rows of the lower Cholesky factor of P
+    ("pixel", "f8"),  # last measured image point
+    ("innovation", "f8"),
+    ("seen", "f8"),  # 1 where the last image gave a measurement
+    ("t_go", "f8"),
+    ("cost_control", "f8"), ("cost_position", "f8"), ("cost_velocity", "f8"),
+    ("total_cost", "f8"), ("control_cost", "f8"), ("terminal_cost", "f8"),
+    ("miss_distance", "f8"), ("range_error_end", "f8"),
+    ("nees", "f8"), ("nees_mean", "f8"),
+    ("peak_acceleration", "f8"), ("integrated_acceleration", "f8"),
+    ("posterior", grid.GRID),  # of the estimator "grid"
+])  # fmt: skip
 
 V_V_N = Field("v_V_N", 2, "m/s", "N", -50.0, 50.0, 5.0, "own velocity")
 SEEN = Field("seen", 1, "", "", 0.0, 1.0, 1.0, "1 where the last image gave a measurement")
 T_GO = Field("t_go", 1, "s", "", 0.0, 100.0, 10.0, "time to go")
-BELIEF = Layout(
-    (
-        Field(
-            "rhat_TV_N",
-            2,
-            "m",
-            "N",
-            -100.0,
-            100.0,
-            25.0,
-            "estimated position of the target relative to the vehicle",
-        ),
-        Field(
-            "chol",
-            3,
-            "m",
-            "N",
-            -50.0,
-            50.0,
-            5.0,
-            "lower Cholesky factor of its covariance, row by row",
-        ),
-        V_V_N,
-        Field(
-            "innovation",
-            1,
-            "",
-            "C",
-            -1.0,
-            1.0,
-            0.1,
-            "last innovation of the image point, 0 without a measurement",
-        ),
-        SEEN,
-        T_GO,
-    )
-)
-RAW = Layout(
-    (
-        Field("pixel", 1, "", "C", -1.0, 1.0, 0.1, "image point that was measured last"),
-        SEEN,
-        V_V_N,
-        Field("r_V_N", 2, "m", "N", -100.0, 100.0, 25.0, "own position"),
-        T_GO,
-    )
-)
-ACTION = Layout(
-    (
-        Field(
-            "a_V_N", 2, "a_max", "N", -1.0, 1.0, 1.0, "commanded acceleration over the longest one"
-        ),
-    )
-)
+BELIEF = Layout((
+    Field("rhat_TV_N", 2, "m", "N", -100.0, 100.0, 25.0,
+          "estimated position of the target relative to the vehicle"),
+    Field("chol", 3, "m", "N", -50.0, 50.0, 5.0,
+          "lower Cholesky factor of its covariance, row by row"),
+    V_V_N,
+    Field("innovation", 1, "", "C", -1.0, 1.0, 0.1,
+          "last innovation of the image point, 0 without a measurement"),
+    SEEN,
+    T_GO,
+))  # fmt: skip
+RAW = Layout((
+    Field("pixel", 1, "", "C", -1.0, 1.0, 0.1, "image point that was measured last"),
+    SEEN,
+    V_V_N,
+    Field("r_V_N", 2, "m", "N", -100.0, 100.0, 25.0, "own position"),
+    T_GO,
+))  # fmt: skip
+ACTION = Layout((
+    Field("a_V_N", 2, "a_max", "N", -1.0, 1.0, 1.0,
+          "commanded acceleration over the longest one"),
+))  # fmt: skip
 
 WORK = np.dtype([("filter", planar.SCRATCH), ("grid", grid.SCRATCH), ("u", "f8", (2,))])
 
@@ -239,20 +197,6 @@ def reset_lane(lane, cfg, work):
         planar.begin(rhat, P, z, cfg)
     pack_lower(P, lane["chol"])
     factorise(lane["chol"], 2)
-
-
-@kernel
-def fly(lane, action, cfg, moved):
-    """Apply the saturated command for one step; `moved` receives the displacement (N, m)."""
-    a = lane["a_V_N"]
-    for i in range(2):
-        a[i] = cfg["a_max"] * action[i]
-        moved[i] = 0.0
-    saturate(a, cfg["a_max"], a)
-    move(moved, lane["v_V_N"], a, cfg["dt"])
-    for i in range(2):
-        lane["r_V_N"][i] += moved[i]
-        lane["r_TV_N"][i] -= moved[i]
 
 
 @kernel
@@ -341,11 +285,6 @@ def step_lanes(lanes, actions, config):
             step_lane(lanes[i], actions[i], config[0], work[0])
 
 
-def no_limit(_config: Tracking2DConfig) -> int:
-    """The terminal time ends every episode."""
-    return 0
-
-
 TASK = Task(
     id=ENV_ID,
     summary=(
@@ -370,7 +309,6 @@ TASK = Task(
     },
     reset_lanes=reset_lanes,
     step_lanes=step_lanes,
-    max_steps=no_limit,
     picture="visenvs.render.tracking2d:draw",
     lost_above=200 * FOOT**2,
 )
