@@ -21,7 +21,15 @@ TRUTH = "truth"  # the estimator that tells policies the truth
 KEYS = (
     *("env", "scenario", "estimator", "perception", "policy", "label", "information", "episodes"),
     *("cost_mean", "cost_median", "cost_iqm", "cost_ci", "cost_p95"),
-    *("success_rate", "failure_rate", "lost_rate", "miss_mean", "effort_mean", "nees_mean"),
+    *(
+        "success_rate",
+        "failure_rate",
+        "lost_rate",
+        "aside_mean",
+        "miss_mean",
+        "effort_mean",
+        "nees_mean",
+    ),
     *("diff_to", "diff_mean", "diff_ci", "prob_improvement", "us_per_decision", "reason"),
 )
 Row = dict[str, Any]  # SI; None where there is nothing to say
@@ -50,10 +58,13 @@ def make_board(task: Task, scenario: str, lines: Sequence[tuple[Row, Result | No
     return Board(task, scenario, rows, results)
 
 
-def result_row(task: Task, result: Result, reference: Result | None) -> Row:
+def result_row(
+    task: Task, result: Result, reference: Result | None, beside: Result | None = None
+) -> Row:
     """The row of a policy, compared with the reference on the same seeds if there is one.
 
-    It has KEYS and, for each metric in `task.shown`, its mean by its name and `NAME_p99`.
+    It has KEYS and, for each metric in `task.shown`, its mean by its name and `NAME_p99`. `beside`
+    is what the policy came to in the scenario `task.aside`.
     """
     episodes = result.episodes
     cost = episodes.cost
@@ -73,6 +84,8 @@ def result_row(task: Task, result: Result, reference: Result | None) -> Row:
     }
     if math.isfinite(task.lost_above):
         row["lost_rate"] = float(np.mean(cost > task.lost_above))
+    if beside is not None:
+        row["aside_mean"] = float(np.mean(beside.episodes.cost))
     for name in task.shown:
         values = episodes.metrics[name]
         row |= {name: mean_of(episodes, name), far_end(name): percentile(values, FAR)}

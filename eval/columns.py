@@ -172,6 +172,12 @@ def columns_of(board: Board) -> tuple[Column, ...]:
     if math.isfinite(limit):
         help = "Share of episodes that cost more than this: the heavy tail."
         extra.append(_column(f"J > {figure(limit)}", "lost_rate", help, write=share))
+    if any(row["aside_mean"] is not None for row in board.rows):
+        help = (
+            f"Mean cost of the laws in the scenario {board.task.aside}, for comparison with its "
+            "paper. It ranks nobody: who remembers its one target has no need to look."
+        )
+        extra.append(_column(f"J in {board.task.aside}", "aside_mean", help, COST))
     for name in board.task.shown:
         words = name.removesuffix("_mean").replace("_", " ")
         tail = f"Its {FAR:.0f}th percentile over the episodes."

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
@@ -18,6 +18,8 @@ from . import results
 from .board import TRUTH
 from .metrics import measure
 from .rollout import rollout
+
+FITS_ANYWHERE = ("law", "blind")
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,12 +56,18 @@ class Job:
 
 @dataclass(frozen=True)
 class Scene:
-    """One scenario of one environment and who flies in it; the reference is among them."""
+    """One scenario of one environment and who flies in it; the reference is among them.
+
+    Attributes:
+        asides: for the jobs of laws in the default scenario, the same in `task.aside`. A network's
+            action is a share of the limits that it was trained with.
+    """
 
     task: Task
     scenario: str
     reference: str
     jobs: tuple[Job, ...]
+    asides: Mapping[Job, Job]
 
 
 def plan_scene(
@@ -93,7 +101,15 @@ def plan_scene(
         told = override(config, {"estimator": TRUTH})
         able = [job.policy for job in jobs if job.entry is not None and job.policy in laws()]
         jobs += [_job(task, scenario, told, spec, trust, told_truth=True) for spec in able]
-    return Scene(task, scenario, reference, tuple(jobs))
+    asides: dict[Job, Job] = {}
+    if task.aside and estimator is None and scenario == next(iter(task.scenarios)):
+        there = task.scenarios[task.aside]
+        asides = {
+            job: _job(task, task.aside, there, job.policy, trust)
+            for job in jobs
+            if job.entry is not None and job.entry.kind in FITS_ANYWHERE and not job.told_truth
+        }
+    return Scene(task, scenario, reference, tuple(jobs), asides)
 
 
 def fly(

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.progress import Progress
+from rich.progress import Progress, track
 
 from visenvs.core.cli import launch
 from visenvs.core.files import check_writable, write_json, write_text
@@ -75,22 +75,22 @@ def run(options: Options) -> None:
 
 def make_boards(scenes: Sequence[Scene], seeds: Sequence[int], made: dict[str, Any]) -> list[Board]:
     """Fly all scenes, keep one file for each policy, and build the boards from those files."""
-    jobs = [job for scene in scenes for job in scene.jobs]
+    jobs = [job for scene in scenes for job in (*scene.jobs, *scene.asides.values())]
     screen = Console(stderr=True)
     with Progress(console=screen, transient=True, disable=not screen.is_terminal) as progress:
-        bar = progress.add_task("", total=2 * sum(job.entry is not None for job in jobs))
+        bar = progress.add_task("", total=sum(job.entry is not None for job in jobs))
 
         def flying(job: Job) -> None:
             progress.update(bar, description=f"flying {job}", advance=1)
 
-        def counting(job: Job) -> None:
-            progress.update(bar, description=f"statistics of {job}", advance=1)
-
         files = fly(jobs, seeds, results.RESULTS, made, flying)
-        return [_board(scene, files, counting) for scene in scenes]
+        return [
+            _board(scene, files)
+            for scene in track(scenes, "statistics", console=screen, transient=True)
+        ]
 
 
-def _board(scene: Scene, files: dict[Job, Path], progress: Any) -> Board:
+def _board(scene: Scene, files: dict[Job, Path]) -> Board:
     flown = {job: results.load(files[job]) for job in scene.jobs if job in files}
     reference = next(
         (result for result in flown.values() if result.policy == scene.reference), None
@@ -98,8 +98,9 @@ def _board(scene: Scene, files: dict[Job, Path], progress: Any) -> Board:
     lines: list[tuple[Row, results.Result | None]] = []
     for job in scene.jobs:
         if job in flown:
-            progress(job)
-            lines.append((result_row(scene.task, flown[job], reference), flown[job]))
+            aside = scene.asides.get(job)
+            beside = results.load(files[aside]) if aside in files else None
+            lines.append((result_row(scene.task, flown[job], reference, beside), flown[job]))
         else:
             row = missing_row(
                 scene.task.id, scene.scenario, job.estimator, job.perception, job.policy, job.reason

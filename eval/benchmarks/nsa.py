@@ -27,16 +27,7 @@ from visenvs.core.provenance import CHECKOUT
 from visenvs.core.registry import load_task
 from visenvs.guidance.descent import ITERATIONS, TOLERANCE, best_plan
 from visenvs.guidance.gauss_seidel import swept_plan
-from visenvs.guidance.planner import (
-    MEMORY,
-    PLANE,
-    SPACE,
-    begin,
-    cost,
-    gradient,
-    make_tape,
-    prices,
-)
+from visenvs.guidance.planner import MEMORY, PLANE, SPACE, begin, cost, gradient, make_tape, prices
 
 from . import Budget, Portion, Row, race, row
 
@@ -116,8 +107,7 @@ def rows(budget: Budget) -> list[Row]:
 
 def measured(budget: Budget) -> list[Row]:
     """Both tasks, and what they are compared with: the control period, and a linear cost."""
-    periods = {1.0 / first_scenario(env_id).dt for env_id in TASKS.values()}
-    (rate,) = periods
+    (rate,) = {1.0 / first_scenario(env_id).dt for env_id in TASKS.values()}
     yardsticks = {PERIOD: [rate] * budget.rounds, LINEAR: [1.0] * budget.rounds}
     out = [row(PERIOD, "periods/s", yardsticks), row(LINEAR, "exponent of n", yardsticks)]
     for name in TASKS:
@@ -174,28 +164,25 @@ def costs(here: str, problems: Problems) -> list[Row]:
 
     No sweeps may end below the minimum, and SciPy's search must end at it.
     """
-    exact, none, swept, theirs = (problems.cold() for _ in range(4))
-    for portion in (compiled(exact), compiled(swept, sweeps=True), with_scipy(theirs)):
-        portion()
-    stake, best = at_stake(problems), predicted(exact)
-    check(f"{here}: SciPy's plan", np.abs(predicted(theirs) - best) / stake)
-    check(f"{here}: the sweeps' plan", (best - predicted(swept)) / stake)
-    name, unit = f"{here}/{problems.guesses.shape[1]}/cost", "cm^2/s^3"
-    found = {
-        name: best,
-        f"{here}/no-push/cost": predicted(none),
-        f"{here}/gauss-seidel/cost": predicted(swept),
-    }
-    values = {side: [1e4 * float(np.median(cost))] for side, cost in found.items()}
-    return [row(side, unit, values, None if side == name else name) for side in values]
+    sides = {name: problems.cold() for name in ("exact", "no-push", "gauss-seidel", "scipy")}
+    compiled(sides["exact"])()
+    compiled(sides["gauss-seidel"], sweeps=True)()
+    with_scipy(sides["scipy"])()
+    stake, _ = predicted(problems)
+    found = {name: predicted(side)[1] for name, side in sides.items()}
+    check(f"{here}/scipy", np.abs(found["scipy"] - found["exact"]) / stake)
+    check(f"{here}/gauss-seidel", (found["exact"] - found["gauss-seidel"]) / stake)
+    unit, ours = "cm^2/s^3", f"{here}/exact/cost"
+    values = {f"{here}/{name}/cost": [1e4 * float(np.median(found[name]))] for name in found}
+    return [row(side, unit, values, None if side == ours else ours) for side in values]
 
 
 def check(whose: str, shares: Values) -> None:
     """Raise a ValueError where a cost is not what it must be beside the exact plan's."""
     if not shares.max() <= AGREEMENT:
         raise ValueError(
-            f"{whose} differs from the exact one by {shares.max():.3g} of the cost at stake, "
-            f"more than {AGREEMENT:g}: one of the two is no minimum"
+            f"{whose}: its plan and the exact one differ by {shares.max():.3g} of the cost at "
+            f"stake, more than {AGREEMENT:g}: one of them is no minimum"
         )
 
 
@@ -222,14 +209,16 @@ def at_the_start(name: str, n: int) -> Problems:
 def en_route(name: str) -> Problems:
     """Beliefs of the first steps of flights under the law itself, with its last plans' rest."""
     task, config = load_task(TASKS[name]), first_scenario(TASKS[name])
-    lanes, memory, beliefs, guesses = Lanes(task, config, LANES), None, [], []
-    policy = load(GROUP, task, config).policy
+    lanes, policy = Lanes(task, config, LANES), load(GROUP, task, config).policy
+    beliefs: list[NDArray[Any]] = []
+    guesses: list[Values] = []
+    memory: Any = None
     lanes.reset(range(LANES))
     for _ in range(MOMENTS):
         actions, memory = policy.predict(lanes.rows, memory)
         lanes.step(actions)
         beliefs.append(lanes.snapshot())
-        guesses.append(np.reshape(memory, (LANES, -1, task.action.size)).copy())
+        guesses.append(memory.reshape(LANES, -1, task.action.size).copy())
     return gather(np.concatenate(beliefs), np.concatenate(guesses), config)
 
 
@@ -299,7 +288,7 @@ def evaluations(p: Problems) -> Portion:
 
 
 def with_scipy(p: Problems) -> Portion:
-    """All problems once by SciPy's L-BFGS-B on the same kernels, as exact and with as many pairs."""
+    """All problems once by SciPy's L-BFGS-B: the same kernels, tolerance and number of pairs."""
     s, tape, slope = p.settings[0], p.tape(), np.zeros(p.plans.shape[1:])
     options = {"maxcor": MEMORY, "ftol": TOLERANCE, "maxiter": ITERATIONS}
 
@@ -320,23 +309,15 @@ def with_scipy(p: Problems) -> Portion:
     return portion
 
 
-def at_stake(p: Problems) -> Values:
-    """What not knowing the target will cost if no image ever improves on it, m^2/s^3, (count,)."""
-    s, tape, out = p.settings[0], p.tape(), np.zeros(len(p.T))
-    for k in range(len(out)):
+def predicted(p: Problems) -> tuple[Values, Values]:
+    """What not knowing the target will cost, m^2/s^3, (count,): without images, and as planned."""
+    s, tape, blind, planned = p.settings[0], p.tape(), np.zeros(len(p.T)), np.zeros(len(p.T))
+    for k in range(len(p.T)):
         p.enter(k, tape)
         unit = prices(p.T[k], s["dt"], s["s_x"], s["s_v"])[0]
-        out[k] = 0.5 * unit * np.trace(tape.P[0, 0])
-    return out
-
-
-def predicted(p: Problems) -> Values:
-    """What not knowing the target will cost, pushes included, m^2/s^3, (count,)."""
-    s, tape, out = p.settings[0], p.tape(), at_stake(p)
-    for k in range(len(out)):
-        p.enter(k, tape)
-        out[k] += cost(p.axes, p.plans[k], s, tape)
-    return out
+        blind[k] = 0.5 * unit * np.trace(tape.P[0, 0])
+        planned[k] = blind[k] + cost(p.axes, p.plans[k], s, tape)
+    return blind, planned
 
 
 if __name__ == "__main__":

@@ -69,7 +69,7 @@ def row_of(rows, policy, estimator="ekf"):
 def test_rows_have_the_published_keys(rows):
     for row in rows:
         assert KEYS <= set(row)
-        assert set(row) - KEYS == {"label", "cost_iqm", "lost_rate", "reason"}
+        assert set(row) - KEYS == {"label", "cost_iqm", "lost_rate", "aside_mean", "reason"}
 
 
 def test_the_reference_flies_too_and_every_law_once_more_on_the_truth(rows):
@@ -182,6 +182,7 @@ def test_disasters_are_counted_apart(written):
     rows = json.loads((written / "tracking.json").read_text())["rows"]
     costs = results.load(next(results.RESULTS.rglob("zero.json"))).episodes.cost
     zero = next(row for row in rows if row["policy"] == "zero")
+    assert zero["aside_mean"] == pytest.approx(0.0, abs=1e-12)  # thesis: it lies straight ahead
     assert 0.0 < zero["lost_rate"] < 1.0
     assert zero["lost_rate"] == np.mean(costs / FOOT**2 > 200.0)
 

@@ -52,6 +52,8 @@ class Task:
         views: observation layouts by the choices of the configuration's `observation`; empty where
             there is only one.
         reference: the law that the leaderboard compares the others with.
+        aside: scenario whose mean cost is a column beside the default scenario's, for comparison
+            with its paper and not for ranking.
         shown: metrics that tables show beside the usual ones, mean and 99th percentile.
         lost_above: cost above which an episode was a disaster; tables show the share of these.
     """
@@ -70,6 +72,7 @@ class Task:
     picture: str = field(default="")
     views: Mapping[str, Layout] = field(default_factory=dict[str, Layout])
     reference: str = "lq"
+    aside: str = ""
     shown: tuple[str, ...] = ()
     lost_above: float = math.inf
 

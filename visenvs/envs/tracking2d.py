@@ -287,10 +287,7 @@ def step_lanes(lanes, actions, config):
 
 TASK = Task(
     id=ENV_ID,
-    summary=(
-        "reach a target in a plane whose range has to be earned by manoeuvring "
-        "(`thesis`: always the same target, so that doing nothing scores 0)"
-    ),
+    summary="reach a target in a plane whose range has to be earned by manoeuvring",
     scenarios=SCENARIOS,
     lane=LANE,
     observation=BELIEF,
@@ -310,5 +307,6 @@ TASK = Task(
     reset_lanes=reset_lanes,
     step_lanes=step_lanes,
     picture="visenvs.render.tracking2d:draw",
+    aside="thesis",
     lost_above=200 * FOOT**2,
 )
