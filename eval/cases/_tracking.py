@@ -25,6 +25,7 @@ TIMED = 20  # episodes that are timed one by one
 SOLVERS = {"exact": "", "gauss_seidel": "-gs"}
 PARTS = {"Jf": "terminal_cost", "Jc": "control_cost", "J": "total_cost"}
 Published = dict[str, float]
+Bands = dict[str, dict[int, dict[str, tuple[float, float]]]]  # by solver, horizon, part
 
 
 def scene() -> tuple[Task, Config]:
@@ -78,7 +79,39 @@ def costs(law: str, episodes: int) -> dict[str, NDArray[np.float64]]:
     return {part: fly(law, episodes)[field] / FOOT**2 for part, field in PARTS.items()}
 
 
-def rows(
+def cost_rows(
+    case: str, family: str, letter: str, episodes: int, paper: dict[int, Published], bands: Bands
+) -> list[Row]:
+    """Both solvers for every published horizon, `CASE/SOLVER/LETTER=HORIZON/PART`."""
+    return [
+        row
+        for solver, suffix in SOLVERS.items()
+        for ahead, published in paper.items()
+        for row in mean_costs(
+            f"{case}/{solver}/{letter}={ahead}",
+            f"{family}-{ahead}{suffix}",
+            episodes,
+            published,
+            bands[solver].get(ahead, {}),
+        )
+    ]
+
+
+def time_rows(
+    case: str, family: str, letter: str, episodes: int, paper: dict[int, tuple[float, float]]
+) -> list[Row]:
+    """Both solvers for every published horizon with its times of the first step and a flight, s."""
+    return [
+        row
+        for solver, suffix in SOLVERS.items()
+        for ahead, (step, whole) in paper.items()
+        for row in timing_rows(
+            f"{case}/{solver}/{letter}={ahead}", f"{family}-{ahead}{suffix}", episodes, step, whole
+        )
+    ]
+
+
+def mean_costs(
     at: str, law: str, episodes: int, published: Published, bands: dict[str, tuple[float, float]]
 ) -> list[Row]:
     """Mean costs beside the published ones."""

@@ -7,8 +7,7 @@ optimum of its own problem: `gauss_seidel` repeats it, `exact` solves the proble
 from __future__ import annotations
 
 from . import Row
-from ._tracking import SOLVERS, Published
-from ._tracking import rows as mean_costs
+from ._tracking import Bands, Published, cost_rows
 
 CASE = "table2"
 PAPER: dict[int, Published] = {
@@ -18,7 +17,7 @@ PAPER: dict[int, Published] = {
     100: {"Jf": 1.867, "Jc": 7.5585, "J": 9.424},
 }
 BOTH = {0: {"Jf": (46.0, 55.0)}, 1: {"J": (19.0, 23.0)}}
-BANDS = {
+BANDS: Bands = {
     "exact": {**BOTH, 50: {"J": (4.6, 5.1)}, 100: {"J": (4.6, 5.1)}},
     "gauss_seidel": {**BOTH, 100: {"J": (9.3, 10.5)}},
 }
@@ -26,15 +25,4 @@ BANDS = {
 
 def rows(episodes: int) -> list[Row]:
     """Both solvers for every published n."""
-    return [
-        row
-        for solver, suffix in SOLVERS.items()
-        for n, paper in PAPER.items()
-        for row in mean_costs(
-            f"{CASE}/{solver}/n={n}",
-            f"nsa-{n}{suffix}",
-            episodes,
-            paper,
-            BANDS[solver].get(n, {}),
-        )
-    ]
+    return cost_rows(CASE, "nsa", "n", episodes, PAPER, BANDS)

@@ -6,7 +6,7 @@ A decision has to be made within the control period of 0.1 s.
 from __future__ import annotations
 
 from . import Row
-from ._tracking import SOLVERS, timing_rows
+from ._tracking import time_rows
 
 CASE = "table3"
 PAPER = {
@@ -19,9 +19,4 @@ PAPER = {
 
 def rows(episodes: int) -> list[Row]:
     """Both solvers for every published n."""
-    return [
-        row
-        for solver, suffix in SOLVERS.items()
-        for n, (step, whole) in PAPER.items()
-        for row in timing_rows(f"{CASE}/{solver}/n={n}", f"nsa-{n}{suffix}", episodes, step, whole)
-    ]
+    return time_rows(CASE, "nsa", "n", episodes, PAPER)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from . import Row
-from ._tracking import SOLVERS, Published
-from ._tracking import rows as mean_costs
+from ._tracking import Bands, Published, cost_rows
 
 CASE = "table4"
 PAPER: dict[int, Published] = {
@@ -13,7 +12,7 @@ PAPER: dict[int, Published] = {
     60: {"Jf": 1.402, "Jc": 7.082, "J": 8.485},
     100: {"Jf": 1.867, "Jc": 7.558, "J": 9.424},
 }
-BANDS = {
+BANDS: Bands = {
     "exact": {60: {"J": (4.6, 5.1)}},
     "gauss_seidel": {10: {"J": (24.8, 25.8)}, 60: {"J": (8.6, 9.6)}},
 }
@@ -21,15 +20,4 @@ BANDS = {
 
 def rows(episodes: int) -> list[Row]:
     """Both solvers for every published p."""
-    return [
-        row
-        for solver, suffix in SOLVERS.items()
-        for p, paper in PAPER.items()
-        for row in mean_costs(
-            f"{CASE}/{solver}/p={p}",
-            f"ahead-{p}{suffix}",
-            episodes,
-            paper,
-            BANDS[solver].get(p, {}),
-        )
-    ]
+    return cost_rows(CASE, "ahead", "p", episodes, PAPER, BANDS)

@@ -6,7 +6,7 @@ A decision has to be made within the control period of 0.1 s.
 from __future__ import annotations
 
 from . import Row
-from ._tracking import SOLVERS, timing_rows
+from ._tracking import time_rows
 
 CASE = "table5"
 PAPER = {
@@ -19,11 +19,4 @@ PAPER = {
 
 def rows(episodes: int) -> list[Row]:
     """Both solvers for every published p."""
-    return [
-        row
-        for solver, suffix in SOLVERS.items()
-        for p, (step, whole) in PAPER.items()
-        for row in timing_rows(
-            f"{CASE}/{solver}/p={p}", f"ahead-{p}{suffix}", episodes, step, whole
-        )
-    ]
+    return time_rows(CASE, "ahead", "p", episodes, PAPER)

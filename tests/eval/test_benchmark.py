@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from eval import benchmark
-from eval.benchmarks import Budget, filter, groups, left_out, race, row, training
+from eval.benchmarks import Budget, filter, groups, left_out, nsa, race, row, training
 from visenvs.core.cli import guarded
 from visenvs.core.config import override, to_record
+from visenvs.core.lanes import Lanes
 from visenvs.core.registry import load_task
 
 QUICK = Budget(seconds=0.0, rounds=1)
@@ -29,7 +30,7 @@ def largest_difference(a, b, fields=("rhat", "P")):
 
 
 def test_a_group_is_found_by_being_there():
-    assert {"faces", "filter", "loop", "training"} <= set(groups())
+    assert {"faces", "filter", "loop", "nsa", "training"} <= set(groups())
     for name, group in groups().items():
         assert group.__name__.endswith(f".{name}")
 
@@ -232,3 +233,115 @@ def test_a_failure_in_that_process_is_reported(monkeypatch):
     monkeypatch.setattr(sys, "executable", shutil.which("false") or pytest.skip("no `false`"))
     with pytest.raises(ValueError, match=r"train\.speed --rounds 1` failed"):
         training.measured("--rounds", "1")
+
+
+@pytest.fixture(scope="module")
+def starts():
+    """Cold problems of a few steps, planned."""
+    problems = {name: nsa.at_the_start(name, 20) for name in nsa.TASKS}
+    for one in problems.values():
+        assert nsa.compiled(one)() == nsa.LANES
+    return problems
+
+
+def test_plans_are_measured_in_a_process_of_its_own_and_compared_with_rows_that_are_there():
+    rows = {one.id: one for one in nsa.rows(QUICK)}
+    expected = {nsa.PERIOD: None, nsa.LINEAR: None}
+    for task, whole in (("nsa/plane", 100), ("nsa/space", 200)):
+        sides = [*nsa.HORIZONS, "slowest", "en-route"]
+        expected |= {f"{task}/{side}": nsa.PERIOD for side in sides}
+        expected |= {f"{task}/{kind}exponent": nsa.LINEAR for kind in ("", "evaluation/")}
+        expected |= {f"{task}/{side}": None for side in (f"evaluation/{whole}", "scipy")}
+        expected[f"{task}/en-route/warm"] = f"{task}/en-route"
+        expected[f"{task}/{whole}/against-scipy"] = f"{task}/scipy"
+        others = ("no-push", "gauss-seidel", "scipy")
+        expected |= {f"{task}/{other}/cost": f"{task}/exact/cost" for other in others}
+        expected[f"{task}/exact/cost"] = None
+    expected["nsa/plane/gauss-seidel"] = None
+    expected["nsa/plane/100/against-gauss-seidel"] = "nsa/plane/gauss-seidel"
+    assert {name: one.reference for name, one in rows.items()} == expected
+    assert all(one.value > 0.0 for one in rows.values())
+    assert rows[nsa.PERIOD].value == pytest.approx(10.0)
+    for task in nsa.TASKS:
+        assert rows[f"nsa/{task}/scipy/cost"].ratio == pytest.approx(1.0, abs=1e-3)
+        assert rows[f"nsa/{task}/no-push/cost"].ratio > 1.0
+    cold = rows["nsa/plane/100"]
+    assert cold.ratio == pytest.approx(cold.value / 10.0)
+
+
+def test_a_failure_to_plan_is_reported(monkeypatch):
+    monkeypatch.setattr(sys, "executable", shutil.which("false") or pytest.skip("no `false`"))
+    with pytest.raises(ValueError, match=r"eval\.benchmarks\.nsa 0\.0 1` failed"):
+        nsa.rows(QUICK)
+
+
+@pytest.mark.parametrize("name", nsa.TASKS)
+def test_beliefs_are_the_tasks_own_and_there_is_time_for_every_plan(name):
+    config = nsa.first_scenario(nsa.TASKS[name])
+    for n in nsa.HORIZONS:
+        problems = nsa.at_the_start(name, n)
+        assert problems.guesses.shape[:2] == (nsa.LANES, n)
+        assert not problems.guesses.any()
+        assert problems.T == pytest.approx(max(config.t_f, n * config.dt))
+        assert len(np.unique(problems.X, axis=0)) == nsa.LANES
+        assert all(problems.settings[key][0] == getattr(config, key) for key in ("s_x", "s_v"))
+    lanes = Lanes(load_task(nsa.TASKS[name]), config, nsa.LANES)
+    lanes.reset(range(nsa.LANES))
+    believed, true = lanes.records["rhat_TV_N"], lanes.records["r_TV_N"]
+    assert np.array_equal(problems.X, believed)
+    error = np.linalg.norm(believed, axis=1) - np.linalg.norm(true, axis=1)
+    assert error.min() < -2.0
+    assert error.max() > 2.0
+
+
+@pytest.mark.parametrize("name", nsa.TASKS)
+def test_the_last_plan_saves_evaluations(name):
+    warm = nsa.en_route(name)
+    cold = warm.cold()
+    for problems in (warm, cold):
+        assert nsa.compiled(problems)() == nsa.LANES * nsa.MOMENTS == len(problems.T)
+    assert warm.guesses.any()
+    assert not cold.guesses.any()
+    assert warm.tries.mean() < 0.5 * cold.tries.mean()
+    dt = warm.settings["dt"][0]
+    expected = np.repeat(warm.guesses.shape[1] - np.arange(1, nsa.MOMENTS + 1), nsa.LANES)
+    assert np.array_equal(np.round(warm.T / dt), expected)
+
+
+@pytest.mark.parametrize("name", nsa.TASKS)
+def test_scipy_and_the_sweeps_plan_for_the_same_problems(starts, name):
+    exact = starts[name]
+    theirs, swept, none = (exact.cold() for _ in range(3))
+    nsa.with_scipy(theirs)()
+    nsa.compiled(swept, sweeps=True)()
+    stake, best = nsa.predicted(exact)
+    assert (np.abs(nsa.predicted(theirs)[1] - best) < 1e-6 * stake).all()
+    assert (nsa.predicted(swept)[1] > best - 1e-6 * stake).all()
+    blind, idle = nsa.predicted(none)
+    assert np.array_equal(blind, stake)
+    assert (best < idle).all()
+    assert (idle < blind).all()
+    for problems in (exact, theirs, swept):
+        assert problems.plans.any(axis=(1, 2)).all()
+        assert (problems.tries > 1).all()
+
+
+def test_one_problem_alone_is_solved_as_among_the_others(starts):
+    exact = starts["space"]
+    alone = exact.only(3)
+    assert nsa.compiled(alone)() == 1
+    assert np.array_equal(alone.plans[0], exact.plans[3])
+    assert alone.tries[0] == exact.tries[3]
+    assert nsa.evaluations(exact)() == nsa.REPEATS * nsa.LANES
+
+
+def test_plans_that_are_no_minimum_are_not_compared():
+    nsa.check("nsa/plane/scipy", np.array([-1.0, 0.9e-6]))
+    for share in (2e-6, np.nan):
+        with pytest.raises(ValueError, match=rf"nsa/plane/scipy: .* differ by {share:.3g} of"):
+            nsa.check("nsa/plane/scipy", np.array([0.0, share]))
+
+
+def test_an_exponent_is_the_slope_of_log_time_over_log_n():
+    rates = [[1e6 / n, 3e6 / n**1.5] for n in nsa.HORIZONS]
+    assert nsa.exponents(rates) == pytest.approx([1.0, 1.5])

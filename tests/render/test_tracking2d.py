@@ -11,8 +11,9 @@ from visenvs.core.config import override
 from visenvs.core.lanes import Lanes
 from visenvs.core.registry import load_task
 from visenvs.render import tracking2d
+from visenvs.render.scene import first_record
 from visenvs.render.style import BLUE, PALE_BLUE, VERMILLION
-from visenvs.render.tracking2d import draw, start, window
+from visenvs.render.tracking2d import draw, window
 
 TASK = load_task("visenvs/Tracking2D-v0")
 CONFIG = TASK.scenarios["random"]
@@ -69,10 +70,10 @@ def test_the_window_holds_start_target_and_first_estimate_and_stays():
     lanes, image = Lanes(TASK, CONFIG, 200), np.zeros(SIZE, np.uint8)
     lanes.reset(np.arange(200))
     for record in lanes.records:
-        panel = window(image, start(record, CONFIG, TASK))
+        panel = window(image, first_record(record, CONFIG, TASK))
         for point in (np.zeros(2), record["r_T_N"], record["rhat_TV_N"]):
             assert panel.shows(tracking2d.SEEN_FROM_ABOVE @ point)
-    panels = [window(image, start(record, CONFIG, TASK)) for record in episode(2)]
+    panels = [window(image, first_record(record, CONFIG, TASK)) for record in episode(2)]
     assert len({(panel.centre, panel.scale) for panel in panels}) == 1
 
 
@@ -81,7 +82,7 @@ def test_target_and_estimate_stand_one_above_the_other_in_both_plots():
     record["r_V_N"] = (-1e4, 0.0)
     record["rhat_TV_N"] = record["r_T_N"] * 0.8 + (1e4, 0.0)
     frame, image = draw(record, CONFIG, TASK), np.zeros(SIZE, np.uint8)
-    panel = window(image, start(record, CONFIG, TASK))
+    panel = window(image, first_record(record, CONFIG, TASK))
     for colour, x in ((VERMILLION, 1.0), (BLUE, 0.8)):
         column = panel.pixels((x * record["r_T_N"][0], 0.0))[0]
         for box in (tracking2d.TOP_VIEW, tracking2d.RANGE):

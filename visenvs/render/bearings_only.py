@@ -9,16 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from visenvs.core.config import to_record
 from visenvs.core.lanes import Task
-from visenvs.core.outcome import Outcome
 from visenvs.envs.bearings_only import BearingsOnlyConfig
 from visenvs.render import style
 from visenvs.render.canvas import Panel, Points
-from visenvs.render.scene import ARROW_TIME, ENDINGS, figures
-from visenvs.render.style import Image, head, write
+from visenvs.render.scene import ARROW_TIME, draw_figures, draw_marks, figures, first_record, paper
+from visenvs.render.style import Image, write
 
-WIDTH, HEIGHT = 960, 540
 TOP_VIEW = (60, 66, 690, 440)  # left, top, width, height of the plot, pixels
 STATUS = (774, 66, 170, 440)
 
@@ -52,22 +49,17 @@ def draw(
 @cache
 def background() -> Image:
     """What no record changes: headings and legend."""
-    image = np.empty((HEIGHT, WIDTH, 3), np.uint8)
-    style.paint(image, style.PAPER)
-    head(image, "Bearings only", (16, 29), 19)
-    head(image, "Top view", (TOP_VIEW[0], TOP_VIEW[1] - 8))
+    image = paper("Bearings only", {"Top view": TOP_VIEW})
     draw_legend(image)
     return image
 
 
 def window(image: Image, record: np.void, config: BearingsOnlyConfig, task: Task) -> Panel:
     """Top view of the start, the first estimate, and the target's whole way, with a margin."""
-    first = np.zeros(1, task.lane)
-    first["seed"], first["episode"] = record["seed"], record["episode"]
-    task.reset_lanes(first, to_record(config))
-    target = first["r_TV_N"][0]
-    final = target + config.t_f * first["v_T_N"][0]
-    points = np.array([np.zeros(2), first["rhat_TV_N"][0], target, final])[:, ::-1]
+    first = first_record(record, config, task)
+    target = first["r_TV_N"]
+    final = target + config.t_f * first["v_T_N"]
+    points = np.array([np.zeros(2), first["rhat_TV_N"], target, final])[:, ::-1]
     low, high = points.min(axis=0), points.max(axis=0)
     margin = MARGIN * float(np.max(high - low))
     room = np.array(TOP_VIEW[2:])
@@ -99,14 +91,7 @@ def draw_plane(
     panel.arrow(observer, tau * record["v_V_N"][::-1], style.INK)
     panel.arrow(estimate, tau * record["vhat_T_N"][::-1], style.BLUE)
     panel.dart(observer, record["v_V_N"][::-1], style.INK)
-    panel.disc(target, config.success_radius * panel.scale, style.VERMILLION, 1)
-    panel.disc(target, 5.5, style.WHITE)
-    panel.disc(target, 4.5, style.VERMILLION)
-    panel.reticle(estimate, style.BLUE)
-    panel.pointer(observer, style.INK)
-    panel.pointer(target, style.VERMILLION)
-    panel.pointer(estimate, style.BLUE)
-    panel.border()
+    draw_marks(panel, observer, target, estimate, config.success_radius)
 
 
 def sight(record: np.void) -> Points:
@@ -118,7 +103,6 @@ def sight(record: np.void) -> Points:
 
 def draw_status(image: Image, record: np.void, config: BearingsOnlyConfig) -> None:
     """Write time to go, estimate, error, cost and how the episode ended."""
-    left, top, width, height = STATUS
     rhat = record["rhat_TV_N"]
     along = rhat / max(float(np.linalg.norm(rhat)), 1e-12)
     sigma = math.sqrt(max(float(along @ record["P"][:2, :2] @ along), 0.0))
@@ -131,22 +115,7 @@ def draw_status(image: Image, record: np.void, config: BearingsOnlyConfig) -> No
         ("Mahalanobis distance", figures(float(record["mahalanobis"])), style.VERMILLION),
         ("cost so far", figures(float(record["total_cost"])), style.INK),
     )
-    for line, (name, value, colour) in enumerate(rows):
-        y = top + 12 + 46 * line
-        write(image, name, (left, y), 13, style.GREY)
-        write(image, value, (left, y + 21), 19, colour)
-    bar = Panel(image, left + 80, top + 22, width - 80, 5)
-    bar.clear(style.GRID)
-    share = min(max(float(np.nan_to_num(record["t_go"])) / config.t_f, 0.0), 1.0)
-    style.paint(bar.view[:, : round(bar.width * share)], style.INK)
-    write(image, f"seed {record['seed']}", (left, top + 12 + 46 * len(rows)), 13, style.GREY)
-    outcome = Outcome(int(record["outcome"]))
-    if outcome in ENDINGS:
-        name, colour = ENDINGS[outcome]
-        chip = Panel(image, left, top + height - 30, width, 30)
-        chip.clear(colour)
-        text = name if outcome == Outcome.DIVERGED else f"{name}: {figures(error)} m off"
-        write(image, text, (left + 10, chip.top + 20), 15, style.WHITE)
+    draw_figures(image, rows, record, config, STATUS)
 
 
 def draw_legend(image: Image) -> None:

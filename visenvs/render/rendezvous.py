@@ -9,16 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from visenvs.core.config import to_record
 from visenvs.core.lanes import Task
 from visenvs.core.pinhole import jacobian, project
 from visenvs.envs.rendezvous import RendezvousConfig
 from visenvs.render import style
 from visenvs.render.canvas import NOTHING, Panel, Points
-from visenvs.render.scene import draw_plane, draw_status
-from visenvs.render.style import Image, head, write
+from visenvs.render.scene import draw_plane, draw_status, first_record, paper
+from visenvs.render.style import Image, write
 
-WIDTH, HEIGHT = 960, 540
 TOP_VIEW = (44, 66, 330, 440)  # left, top, width, height of the plot, pixels
 SIDE_VIEW = (422, 66, 330, 440)
 CAMERA = (774, 66, 170, 170)
@@ -61,15 +59,7 @@ def draw(
 @cache
 def background() -> Image:
     """What no record changes: headings and legend."""
-    image = np.empty((HEIGHT, WIDTH, 3), np.uint8)
-    style.paint(image, style.PAPER)
-    head(image, "Rendezvous", (16, 29), 19)
-    for (left, top, _, _), title in (
-        (TOP_VIEW, "Top view"),
-        (SIDE_VIEW, "Side view"),
-        (CAMERA, "Camera"),
-    ):
-        head(image, title, (left, top - 8))
+    image = paper("Rendezvous", {"Top view": TOP_VIEW, "Side view": SIDE_VIEW, "Camera": CAMERA})
     draw_legend(image)
     return image
 
@@ -84,10 +74,8 @@ def windows(
     image: Image, record: np.void, config: RendezvousConfig, task: Task, along: Points
 ) -> tuple[Panel, Panel]:
     """Top and side view at one scale: start, target and first estimate with a margin about them."""
-    first = np.zeros(1, task.lane)
-    first["seed"], first["episode"] = record["seed"], record["episode"]
-    task.reset_lanes(first, to_record(config))
-    points = np.nan_to_num(np.array([np.zeros(3), record["r_T_N"], first["rhat_TV_N"][0]]))
+    first = first_record(record, config, task)
+    points = np.nan_to_num(np.array([np.zeros(3), record["r_T_N"], first["rhat_TV_N"]]))
     margin = max(MARGIN * float(np.linalg.norm(points[1])), config.success_radius)
     centres: list[tuple[float, float]] = []
     scale = math.inf

@@ -1,4 +1,4 @@
-"""What the pictures of tasks with one vehicle and one target share: the scene and its status."""
+"""What pictures share: the paper, the scene of one vehicle and one target, and the status."""
 
 from __future__ import annotations
 
@@ -7,11 +7,16 @@ from typing import Any
 
 import numpy as np
 
+from visenvs.core.config import to_record
+from visenvs.core.lanes import Task
 from visenvs.core.outcome import Outcome
 from visenvs.render import style
 from visenvs.render.canvas import Panel, Points
-from visenvs.render.style import Image, write
+from visenvs.render.style import Image, head, write
 
+Box = tuple[int, int, int, int]  # left, top, width, height, pixels
+
+WIDTH, HEIGHT = 960, 540
 ARROW_TIME = 0.1  # arrows show the displacement in this fraction of the episode
 
 ENDINGS = {
@@ -19,6 +24,24 @@ ENDINGS = {
     Outcome.MISS: ("miss", style.VERMILLION),
     Outcome.DIVERGED: ("diverged", style.VERMILLION),
 }
+
+
+def paper(title: str, plots: dict[str, Box]) -> Image:
+    """A sheet with its title and the headings of its plots, RGB, shape (HEIGHT, WIDTH, 3)."""
+    image = np.empty((HEIGHT, WIDTH, 3), np.uint8)
+    style.paint(image, style.PAPER)
+    head(image, title, (16, 29), 19)
+    for name, (left, top, _, _) in plots.items():
+        head(image, name, (left, top - 8))
+    return image
+
+
+def first_record(record: np.void, config: Any, task: Task) -> np.void:
+    """The record at the start of an episode, from any record of it."""
+    first = np.zeros(1, task.lane)
+    first["seed"], first["episode"] = record["seed"], record["episode"]
+    task.reset_lanes(first, to_record(config))
+    return first[0]
 
 
 def draw_plane(
@@ -51,7 +74,14 @@ def draw_plane(
     panel.arrow(vehicle, tau * velocity, style.INK)
     panel.arrow(vehicle, tau**2 / 2 * acceleration, style.GREEN)
     panel.dart(vehicle, velocity, style.INK)
-    panel.disc(target, config.success_radius * panel.scale, style.VERMILLION, 1)
+    draw_marks(panel, vehicle, target, estimate, config.success_radius)
+
+
+def draw_marks(
+    panel: Panel, vehicle: Points, target: Points, estimate: Points, radius: float
+) -> None:
+    """Draw target, its circle of success (m) and the estimate; point at what lies outside."""
+    panel.disc(target, radius * panel.scale, style.VERMILLION, 1)
     panel.disc(target, 5.5, style.WHITE)
     panel.disc(target, 4.5, style.VERMILLION)
     panel.reticle(estimate, style.BLUE)
@@ -61,9 +91,8 @@ def draw_plane(
     panel.border()
 
 
-def draw_status(image: Image, record: np.void, config: Any, box: tuple[int, int, int, int]) -> None:
-    """Write time to go, ranges, cost and the end of the episode into (left, top, width, height)."""
-    left, top, width, height = box
+def draw_status(image: Image, record: np.void, config: Any, box: Box) -> None:
+    """Write time to go, ranges, cost and the end of the episode."""
     rhat = record["rhat_TV_N"]
     distance = float(np.linalg.norm(rhat))
     sight = rhat / max(distance, 1e-12)
@@ -75,6 +104,14 @@ def draw_status(image: Image, record: np.void, config: Any, box: tuple[int, int,
         ("true range", f"{figures(true_range)} m", style.VERMILLION),
         ("cost so far", f"{figures(float(record['total_cost']))} m²/s³", style.INK),
     )
+    draw_figures(image, rows, record, config, box)
+
+
+def draw_figures(
+    image: Image, rows: tuple[tuple[str, str, Any], ...], record: np.void, config: Any, box: Box
+) -> None:
+    """Write rows of (name, text, colour), the first with a bar of the time to go, and the end."""
+    left, top, width, height = box
     for line, (name, value, colour) in enumerate(rows):
         y = top + 12 + 46 * line
         write(image, name, (left, y), 13, style.GREY)
@@ -83,7 +120,7 @@ def draw_status(image: Image, record: np.void, config: Any, box: tuple[int, int,
     bar.clear(style.GRID)
     share = min(max(float(np.nan_to_num(record["t_go"])) / config.t_f, 0.0), 1.0)
     style.paint(bar.view[:, : round(bar.width * share)], style.INK)
-    write(image, f"seed {record['seed']}", (left, top + 12 + 46 * 4), 13, style.GREY)
+    write(image, f"seed {record['seed']}", (left, top + 12 + 46 * len(rows)), 13, style.GREY)
     outcome = Outcome(int(record["outcome"]))
     if outcome in ENDINGS:
         name, colour = ENDINGS[outcome]

@@ -9,15 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from visenvs.core.config import to_record
 from visenvs.core.lanes import Task
 from visenvs.envs.tracking2d import Tracking2DConfig
 from visenvs.render import style
 from visenvs.render.canvas import NOTHING, Panel, Points
-from visenvs.render.scene import draw_plane, draw_status
-from visenvs.render.style import Image, head, write
+from visenvs.render.scene import draw_plane, draw_status, first_record, paper
+from visenvs.render.style import Image, write
 
-WIDTH, HEIGHT = 960, 540
 TOP_VIEW = (44, 66, 708, 300)  # left, top, width, height of the plot, pixels
 RANGE = (44, 414, 708, 90)
 CAMERA = (774, 66, 170, 90)
@@ -42,7 +40,7 @@ def draw(
         trail: earlier records of the episode, shape (n,), for the path flown; None for no path.
     """
     image = background().copy()
-    first = start(record, config, task)
+    first = first_record(record, config, task)
     top = window(image, first)
     path = np.zeros((0, 2)) if trail is None else np.vstack([trail["r_V_N"], record["r_V_N"]])
     with np.errstate(invalid="ignore", over="ignore"):  # the last record of a diverged lane
@@ -59,25 +57,10 @@ def draw(
 @cache
 def background() -> Image:
     """What no record changes: headings and legend."""
-    image = np.empty((HEIGHT, WIDTH, 3), np.uint8)
-    style.paint(image, style.PAPER)
-    head(image, "Tracking 2-D", (16, 29), 19)
-    for (left, top, _, _), title in (
-        (TOP_VIEW, "Top view"),
-        (RANGE, "Where the belief puts the target along the axis"),
-        (CAMERA, "Camera"),
-    ):
-        head(image, title, (left, top - 8))
+    belief = "Where the belief puts the target along the axis"
+    image = paper("Tracking 2-D", {"Top view": TOP_VIEW, belief: RANGE, "Camera": CAMERA})
     draw_legend(image)
     return image
-
-
-def start(record: np.void, config: Tracking2DConfig, task: Task) -> np.void:
-    """The record at the start of the episode."""
-    first = np.zeros(1, task.lane)
-    first["seed"], first["episode"] = record["seed"], record["episode"]
-    task.reset_lanes(first, to_record(config))
-    return first[0]
 
 
 def window(image: Image, first: np.void) -> Panel:
