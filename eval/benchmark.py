@@ -74,7 +74,8 @@ def table(groups: dict[str, list[Row]]) -> Table:
 
 def _rounded(value: float) -> str:
     """Three digits that count, the rest zeros."""
-    return f"{float(f'{value:.3g}'):,.0f}"
+    rounded = float(f"{value:.3g}")
+    return f"{rounded:,.0f}" if abs(rounded) >= 100 else f"{rounded:g}"
 
 
 if __name__ == "__main__":

@@ -108,11 +108,14 @@ def test_a_best_plan_is_recognised(seed, D):
 @pytest.mark.kernel
 @pytest.mark.parametrize("D", [2, 3])
 def test_pushes_that_win_nothing_are_dropped_at_once(D):
-    """With nothing to learn the cost is 1/2 calB |da|^2, whose curvature the search knows."""
+    """With nothing to learn the cost is 1/2 calB |da|^2, whose curvature the search knows.
+
+    A guess, a first step that may be cut short, and the minimum.
+    """
     p = Problem(0, D, n=5)
     p.tape.P[0, 0] = 0.0
     plan, found, evaluations = p.best(p.guess)
-    assert evaluations == 2
+    assert evaluations <= 3
     assert np.abs(plan).max() < 1e-14
     assert found < 1e-28
 

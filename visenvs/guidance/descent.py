@@ -40,7 +40,9 @@ def optimise(axes, plan, settings, tape):
         slope = descent(g, tape, kept, d, D)
         if -slope <= TOLERANCE * (1.0 + abs(value)):
             break
-        step, better = 1.0, False
+        # the first guess of the Hessian knows nothing of the images: promise no more than is there
+        step = min(1.0, (1.0 + abs(value)) / -slope) if kept == 0 else 1.0
+        better = False
         for _ in range(HALVINGS):
             for i in range(n * D):
                 tried[i] = x[i] + step * d[i]
