@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visenvs.core.lanes import Task
+from visenvs.core.layout import Layout
 
 from .policy import Policy, Rows, State
 
@@ -29,6 +30,7 @@ FIRST_LAYER = {
     "recurrent_ppo": "lstm_actor.weight_ih_l0",
     "ppo": "mlp_extractor.policy_net.0.weight",
 }
+SETS = "features_extractor.encoder."  # our own, see `sets.py`
 ACTIVATIONS = ("Tanh", "ReLU", "ELU", "LeakyReLU", "SiLU", "GELU")
 
 
@@ -70,12 +72,16 @@ class LearnedPolicy:
 
 @dataclass(frozen=True)
 class Architecture:
-    """What it takes to rebuild an SB3 policy: algorithm, layer widths, activation, LSTM width."""
+    """What it takes to rebuild an SB3 policy: algorithm, layer widths, activation, special widths.
+
+    `lstm` and `sets` are the widths of a memory and of a network for lists, 0 where there is none.
+    """
 
     algo: str
     net_arch: Any
     activation: str
     lstm: int = 0
+    sets: int = 0
 
 
 def digest(path: Path) -> str:
@@ -161,6 +167,7 @@ def _architecture(
         name
         for name in weights
         if name.startswith(("features_extractor.", "actor.features_extractor."))
+        and not (algo == "ppo" and name.startswith(SETS))
     ]
     if extra:
         raise ValueError(
@@ -178,7 +185,9 @@ def _architecture(
     if algo in ("ppo", "recurrent_ppo"):
         pi, vf = (_widths(weights, f"mlp_extractor.{part}_net") for part in ("policy", "value"))
         lstm = weights["lstm_actor.weight_hh_l0"].shape[1] if algo == "recurrent_ppo" else 0
-        return Architecture(algo, {"pi": pi, "vf": vf}, activation, lstm)
+        first = weights.get(f"{SETS}0.weight")
+        sets = 0 if first is None else first.shape[0]
+        return Architecture(algo, {"pi": pi, "vf": vf}, activation, lstm, sets)
     pi = _widths(weights, "actor.latent_pi") if algo == "sac" else _widths(weights, "actor.mu")[:-1]
     return Architecture(algo, {"pi": pi, "qf": _widths(weights, "critic.qf0")[:-1]}, activation)
 
@@ -209,7 +218,9 @@ def _rebuild(arch: Architecture, weights: dict[str, Any], task: Task, path: Path
     ]
     spaces = task.observation.space, task.action.space
     size = int(weights[FIRST_LAYER[arch.algo]].shape[1])
-    if size != task.observation.size:
+    if arch.sets and any(field.each > 1 for field in task.observation.fields):
+        kwargs |= set_network(task.observation, arch.sets)
+    elif size != task.observation.size:
         raise _wrong_space(path, task, size)
     policy = policy_class(*spaces, _no_training, **kwargs)
     try:
@@ -219,6 +230,14 @@ def _rebuild(arch: Architecture, weights: dict[str, Any], task: Task, path: Path
             f"{path}: the weights do not fit {arch.algo} on {task.id}: {error}"
         ) from None
     return policy
+
+
+def set_network(layout: Layout, width: int) -> dict[str, Any]:
+    """Arguments of an SB3 policy that reads the things that a row lists in any order."""
+    from .sets import SetNetwork
+
+    settings = {"layout": layout, "width": width}
+    return {"features_extractor_class": SetNetwork, "features_extractor_kwargs": settings}
 
 
 def _no_training(_left: float) -> float:

@@ -20,6 +20,7 @@ class Preset:
         lanes: environments that fly side by side.
         model: arguments of the SB3 algorithm. Learning rates fall linearly to a twentieth.
         policy: arguments of its policy (`net_arch`, `log_std_init`, ...).
+        sets: width of the network that reads what a row lists in any order (PPO only); 0 for none.
         residual_scale: what a residual may add to a law, over the longest action.
         reward_floor: see `train.vec_env.LaneVecEnv`.
     """
@@ -27,6 +28,7 @@ class Preset:
     lanes: int
     model: dict[str, Any]
     policy: dict[str, Any] = field(default_factory=dict)
+    sets: int = 0
     residual_scale: float = 0.3
     reward_floor: float = float("-inf")
 

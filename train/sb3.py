@@ -18,7 +18,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.utils import set_random_seed
 
 from agents import registry
-from agents.learned import Residual, digest
+from agents.learned import Residual, digest, set_network
 from visenvs.core.cli import launch
 from visenvs.core.config import Config, override, pick, to_json
 from visenvs.core.files import read_json, write_json
@@ -213,10 +213,11 @@ def build_model(options: Options, preset: Preset, lanes: LaneVecEnv, resume: boo
         return start * max(left, 0.05)
 
     settings: dict[str, Any] = preset.model | {"learning_rate": schedule}
+    sets = set_network(lanes.lanes.task.observation, preset.sets) if preset.sets else {}
     return algorithm(
         POLICIES.get(options.algo, "MlpPolicy"),
         lanes,
-        policy_kwargs=dict(preset.policy),
+        policy_kwargs=preset.policy | sets,
         tensorboard_log=str(options.out / "tb"),
         device="cpu",
         **settings,
@@ -236,7 +237,7 @@ def card(
         "information": run["config"].get("observation", "belief"),
         "algo": options.algo,
         "residual": None if options.residual is None else {"law": options.residual, "scale": scale},
-        "policy": preset.policy,
+        "policy": preset.policy | ({"sets": preset.sets} if preset.sets else {}),
         "steps": best.pop("steps"),
         "reached": best,
         "seeds": {

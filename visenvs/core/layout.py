@@ -33,6 +33,8 @@ class Field:
         low, high: bounds in SI; values beyond them are clipped in the row.
         scale: the SI value that becomes 1 in the row.
         doc: what it is, for the tables.
+        each: of how many equal things it tells, one after the other (tracks, neighbours), zeros for
+            those that are not there; 1 where it tells of no such list.
     """
 
     name: str
@@ -43,6 +45,7 @@ class Field:
     high: float
     scale: float
     doc: str
+    each: int = 1
 
     def __post_init__(self) -> None:
         bounds = (self.low, self.high, self.scale)
@@ -55,6 +58,10 @@ class Field:
             raise ValueError(
                 f"field {self.name!r}: needs size >= 1, finite low < high and scale > 0, "
                 f"got size={self.size}, low={self.low}, high={self.high}, scale={self.scale}"
+            )
+        if self.each < 1 or self.size % self.each:
+            raise ValueError(
+                f"field {self.name!r}: {self.size} numbers cannot tell of {self.each} things alike"
             )
 
 
@@ -122,6 +129,21 @@ class Layout:
     def records(self, rows: ArrayLike) -> NDArray[Any]:
         """Rows (n, size) as n records of SI values by name, for kernels."""
         return np.ascontiguousarray(self._si(rows)).view(self.dtype).reshape(-1)
+
+    def members(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Columns of what the row tells once, (a,), and of every thing that it lists, (each, m)."""
+        counts = {field.each for field in self.fields} - {1}
+        if len(counts) != 1:
+            raise ValueError(f"a row must list one kind of things, this one lists {len(counts)}")
+        once: list[int] = []
+        listed: list[NDArray[np.int64]] = []
+        for field, start in zip(self.fields, self._starts, strict=True):
+            columns = np.arange(start, start + field.size)
+            if field.each == 1:
+                once.extend(columns)
+            else:
+                listed.append(columns.reshape(field.each, -1))
+        return np.array(once, np.int64), np.concatenate(listed, axis=1)
 
     def slots(self, record: np.dtype[Any]) -> NDArray[Any]:
         """Where each number of the row sits in a lane record (in 8 bytes), with its bounds."""
