@@ -31,6 +31,7 @@ FIRST_LAYER = {
     "ppo": "mlp_extractor.policy_net.0.weight",
 }
 SETS = "features_extractor.encoder."  # our own, see `sets.py`
+CARD = ("information", "algo", "residual", "steps")  # what is read of it besides its sha256
 ACTIVATIONS = ("Tanh", "ReLU", "ELU", "LeakyReLU", "SiLU", "GELU")
 
 
@@ -103,6 +104,10 @@ def read_card(model: Path) -> dict[str, Any]:
             f"{path} does not belong to {model.name}: the sha256 differs; "
             "take both files from one training, "
             "or remove the card to load the network alone"
+        )
+    if lacking := [name for name in CARD if name not in card]:
+        raise ValueError(
+            f"{path} does not say {', '.join(lacking)}; expected what `python -m train.sb3` writes"
         )
     return card
 
@@ -237,7 +242,11 @@ def set_network(layout: Layout, width: int) -> dict[str, Any]:
     from .sets import SetNetwork
 
     settings = {"layout": layout, "width": width}
-    return {"features_extractor_class": SetNetwork, "features_extractor_kwargs": settings}
+    return {
+        "features_extractor_class": SetNetwork,
+        "features_extractor_kwargs": settings,
+        "share_features_extractor": False,  # large values would drown what the actor learns
+    }
 
 
 def _no_training(_left: float) -> float:

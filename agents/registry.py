@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from visenvs.core.config import Config, nearest, override
+from visenvs.core.config import Config, nearest, override, pick
 from visenvs.core.lanes import Task
 from visenvs.core.registry import find_law, laws
 
@@ -95,6 +95,11 @@ def load(spec: str, task: Task, config: Config, trust: bool = False) -> Entry:
     )
 
 
+def load_law(name: str, task: Task, config: Config) -> LawPolicy:
+    """The guidance law of that name as a policy; nothing else goes under a learned correction."""
+    return LawPolicy(find_law(name) or pick("law", name, laws()), task, config)
+
+
 def _load_model(name: str, model: Path, task: Task, config: Config, trust: bool) -> Entry:
     if not model.exists():
         raise ValueError(f"no model {model}; expected what `python -m train.sb3 --out DIR` writes")
@@ -104,7 +109,7 @@ def _load_model(name: str, model: Path, task: Task, config: Config, trust: bool)
         task = task.under(config)
     network, residual, kind = load_network(model, task, trust), None, "learned"
     if card.get("residual"):
-        law = load(card["residual"]["law"], task, config).policy
+        law = load_law(card["residual"]["law"], task, config)
         residual, kind = Residual(law, card["residual"]["scale"]), "residual"
     policy = LearnedPolicy(network, residual)
     return Entry(name, policy, _information(config), kind, _summary(card), config)
@@ -125,7 +130,8 @@ def _factory(spec: str) -> Callable[[Task, Config], Policy]:
     module, _, name = spec.rpartition(":")
     try:
         return getattr(importlib.import_module(module), name)
-    except (ImportError, AttributeError) as error:
+    except Exception as error:  # the module runs when it is imported
         raise ValueError(
-            f"cannot import {spec!r} ({error}); write module:factory, factory(task, config)"
+            f"cannot import {spec!r} ({type(error).__name__}: {error}); "
+            "write module:factory, factory(task, config)"
         ) from None

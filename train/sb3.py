@@ -82,7 +82,9 @@ def train(options: Options) -> None:
     run = open_run(options, task, scenario, config)
     preset = preset_for(options.env, options.algo)
     lanes, validation = build_lanes(options, preset, task, config, run["sessions"])
-    model = build_model(options, preset, lanes, run["steps"] > 0)
+    model = build_model(options, preset, lanes)
+    options.out.mkdir(parents=True, exist_ok=True)
+    write_json(options.out / "run.json", run)
     keeper = Keeper(validation, options.validate_every, options.out, run["best"])
     began, cpu, before = time.time(), time.process_time(), model.num_timesteps
     finished = False
@@ -139,11 +141,10 @@ def check(options: Options) -> None:
 
 
 def open_run(options: Options, task: Task, scenario: str, config: Config) -> dict[str, Any]:
-    """The record of this run: new, or of the interrupted run in the same folder."""
+    """The record of this run: new and not yet written, or of the one in the same folder."""
     path = options.out / "run.json"
     asked = {k: str(v) if isinstance(v, Path) else v for k, v in asdict(options).items()}
     if not path.exists():
-        options.out.mkdir(parents=True, exist_ok=True)
         fresh = {
             "steps": 0,
             "sessions": 0,
@@ -153,7 +154,7 @@ def open_run(options: Options, task: Task, scenario: str, config: Config) -> dic
             "cpu_seconds": 0.0,
         }
         made = provenance("train.sb3")
-        run = {
+        return {
             "options": asked,
             "env": task.id,
             "scenario": scenario,
@@ -161,8 +162,6 @@ def open_run(options: Options, task: Task, scenario: str, config: Config) -> dic
             **fresh,
             **made,
         }
-        write_json(path, run)
-        return run
     run = read_json(path)
     other = [k for k, v in asked.items() if run["options"].get(k) != v and k != "out"]
     if run["finished"] or other:
@@ -170,8 +169,6 @@ def open_run(options: Options, task: Task, scenario: str, config: Config) -> dic
         raise ValueError(
             f"the training in {options.out} {what}; write --out {options.out}-2 for a new one"
         )
-    if not (options.out / "checkpoint.zip").exists():
-        run["steps"] = 0
     return run
 
 
@@ -185,8 +182,8 @@ def build_lanes(
     first = (options.seed + 37 * session) * count % (TRAINING_SEEDS - count)
     residual = None
     if options.residual is not None:
-        law = registry.load(options.residual, task, config).policy
-        residual = Residual(law, options.residual_scale or preset.residual_scale)
+        law = registry.load_law(options.residual, task, config)
+        residual = Residual(law, scale_of(options, preset))
     lanes = LaneVecEnv(
         task,
         config,
@@ -198,11 +195,16 @@ def build_lanes(
     return lanes, LaneVecEnv(task, config, VALIDATION_SEEDS, residual)
 
 
-def build_model(options: Options, preset: Preset, lanes: LaneVecEnv, resume: bool) -> BaseAlgorithm:
-    """A new SB3 model, or the checkpoint's with its replay buffer."""
+def scale_of(options: Options, preset: Preset) -> float:
+    """How far a residual may correct, over the longest action."""
+    return preset.residual_scale if options.residual_scale is None else options.residual_scale
+
+
+def build_model(options: Options, preset: Preset, lanes: LaneVecEnv) -> BaseAlgorithm:
+    """A new SB3 model, or the checkpoint's with its replay buffer where a run broke off."""
     algorithm = ALGORITHMS[options.algo]
     set_random_seed(options.seed)
-    if resume:
+    if all((options.out / name).exists() for name in ("run.json", "checkpoint.zip")):
         model = algorithm.load(options.out / "checkpoint.zip", env=lanes, device="cpu")
         if (options.out / "replay.pkl").exists():
             model.load_replay_buffer(options.out / "replay.pkl")  # type: ignore[attr-defined]
@@ -228,7 +230,7 @@ def card(
     options: Options, task: Task, scenario: str, preset: Preset, run: dict[str, Any]
 ) -> dict[str, Any]:
     """What somebody must know of the model: what it flies, how it was made, what it reached."""
-    scale = options.residual_scale or preset.residual_scale
+    scale = scale_of(options, preset)
     best = dict(run["best"])
     return {
         "env": task.id,

@@ -1,0 +1,88 @@
+"""The potential that shapes rewards: minus the least cost to go, from the truth."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from agents.registry import load
+from eval.rollout import rollout
+from tests.toys import toys
+from train.shaping import potential_of
+from visenvs.core.config import override
+from visenvs.core.lanes import Lanes
+from visenvs.core.registry import load_task
+
+with toys():
+    CART = load_task("visenvs/Cart-v0")
+TASKS = ["visenvs/Rendezvous-v0", "visenvs/Tracking2D-v0"]
+
+
+def flying(env, steps=7, **changes):
+    """Task, configuration, and lanes some steps into their episodes."""
+    task = load_task(env)
+    config = override(task.scenarios["random"], changes)
+    lanes = Lanes(task, config, 5)
+    lanes.reset(range(5))
+    rng = np.random.default_rng(2)
+    for _ in range(steps):
+        lanes.step(rng.uniform(-0.5, 0.5, (5, task.action.size)).astype(np.float32))
+    return task, config, lanes
+
+
+def riccati(T, s_x, s_v):
+    """Least cost matrix of x = (X, V_target - V), F = (0 1; 0 0), G = (0, -1)', from -P' = ..."""
+    F, G = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [-1.0]])
+
+    def back(_, flat):
+        P = flat.reshape(2, 2)
+        return (F.T @ P + P @ F - P @ G @ G.T @ P).ravel()
+
+    ends = np.diag([s_x, s_v]).ravel().astype(float)
+    return solve_ivp(back, (0.0, T), ends, "LSODA", rtol=1e-10, atol=1e-12).y[:, -1].reshape(2, 2)
+
+
+@pytest.mark.parametrize("env", TASKS)
+def test_it_is_minus_the_cost_that_the_riccati_equation_gives(env):
+    task, config, lanes = flying(env)
+    for lane, found in zip(lanes.records, potential_of(task, config)(lanes.records), strict=True):
+        P = riccati(lane["t_go"], config.s_x, config.s_v)
+        x = np.stack([lane["r_TV_N"], -lane["v_V_N"]])
+        assert found == pytest.approx(-0.5 * np.einsum("id,ij,jd->", x, P, x), rel=1e-6)
+
+
+@pytest.mark.parametrize("env", TASKS)
+def test_the_lq_law_on_the_truth_pays_just_that(env):
+    changes = {"estimator": "truth", "dt": 0.01, "t_f": 5.0, "a_max": 1e4}
+    task, config, lanes = flying(env, steps=0, **changes)
+    flown = rollout(load("lq", task, config).policy, task, config, range(5))
+    promised = potential_of(task, config)(lanes.records)
+    assert flown.returns == pytest.approx(promised, rel=0.02)  # in steps of dt
+    assert (flown.returns < promised).all()
+
+
+@pytest.mark.parametrize("env", TASKS)
+def test_at_the_end_it_is_the_terminal_cost(env):
+    task, config, lanes = flying(env)
+    lanes.records["t_go"] = 0.0
+    r, v = (np.square(lanes.records[name]).sum(axis=1) for name in ("r_TV_N", "v_V_N"))
+    expected = -0.5 * (config.s_x * r + config.s_v * v)
+    assert potential_of(task, config)(lanes.records) == pytest.approx(expected)
+
+
+def test_it_reads_the_truth_and_not_the_estimate():
+    task, config, lanes = flying(TASKS[0])
+    potential = potential_of(task, config)
+    before = potential(lanes.records)
+    lanes.records["rhat_TV_N"] += 5.0
+    lanes.records["P"] *= 2.0
+    assert np.array_equal(potential(lanes.records), before)
+    lanes.records["r_TV_N"] += 5.0
+    assert (potential(lanes.records) != before).all()
+
+
+def test_tasks_with_other_costs_have_none():
+    bearings = load_task("visenvs/BearingsOnly-v0")
+    for task in (CART, bearings):
+        assert potential_of(task, next(iter(task.scenarios.values()))) is None
