@@ -31,10 +31,17 @@ class Keeper(BaseCallback):
         every: training steps between validations.
         out: folder for `model.zip` (the best so far) and `checkpoint.zip` (the newest).
         best: mean cost, steps and success rate of the best model of an earlier session, or None.
+        note: called with these figures whenever there is a new best model, to write its card: a
+            training that is killed must not leave a model without one.
     """
 
     def __init__(
-        self, lanes: LaneVecEnv, every: int, out: Path, best: dict[str, Any] | None
+        self,
+        lanes: LaneVecEnv,
+        every: int,
+        out: Path,
+        best: dict[str, Any] | None,
+        note: Callable[[dict[str, Any]], None],
     ) -> None:
         super().__init__()
         self._lanes = lanes
@@ -42,6 +49,7 @@ class Keeper(BaseCallback):
         self._out = out
         self._next = every
         self.best = best
+        self._note = note
 
     def _on_training_start(self) -> None:
         self._next = self.num_timesteps + self._every
@@ -62,6 +70,7 @@ class Keeper(BaseCallback):
         if self.best is None or found["cost_mean"] < self.best["cost_mean"]:
             save_whole(self.model.save, self._out / "model.zip")
             self.best = {**found, "steps": self.num_timesteps}
+            self._note(self.best)
         checkpoint(self.model, self._out)
 
 

@@ -85,7 +85,13 @@ def train(options: Options) -> None:
     model = build_model(options, preset, lanes)
     options.out.mkdir(parents=True, exist_ok=True)
     write_json(options.out / "run.json", run)
-    keeper = Keeper(validation, options.validate_every, options.out, run["best"])
+
+    def note(best: dict[str, Any]) -> None:
+        run.update(steps=best["steps"], best=best)
+        write_json(options.out / "run.json", run)
+        write_json(options.out / "card.json", card(options, task, scenario, preset, run))
+
+    keeper = Keeper(validation, options.validate_every, options.out, run["best"], note)
     began, cpu, before = time.time(), time.process_time(), model.num_timesteps
     finished = False
     try:
@@ -111,8 +117,6 @@ def train(options: Options) -> None:
         run["cpu_seconds"] += cpu
         run["frames_per_second"] = (model.num_timesteps - before) / max(wall, 1e-9)
         write_json(options.out / "run.json", run)
-        if keeper.best is not None:
-            write_json(options.out / "card.json", card(options, task, scenario, preset, run))
     best = keeper.best or {}
     print(
         f"best of {run['steps']:,} steps: mean cost {best['cost_mean']:.4g}, "
