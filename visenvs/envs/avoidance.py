@@ -1,0 +1,410 @@
+"""Obstacle avoidance: reach a waypoint past obstacles that one camera sees and a filter places.
+
+Thesis chapter 3 and 4.2.4. Every obstacle has a safety sphere that the vehicle must not enter. The
+episode ends where the vehicle passes the waypoint's plane across the first axis of N, which points
+from the start roughly to the waypoint. Cost, in m^2/s^3, its terms summed over the episode:
+
+- control: 1/2 integral of |a|^2;
+- violation: 1/2 s_violation times the square of the deepest intrusion into each sphere, charged as
+  it deepens, so that a violation costs as much as a miss of that depth at s_x = s_violation;
+- divergence: 1/2 s_divergence times the square of what the closest approach to a sphere that
+  blocks the straight line exceeds 1 + margin radii by: flying much wider than needed;
+- miss: 1/2 s_x times the squared distance to the waypoint in its plane, or to the waypoint itself
+  if the time runs out before.
+
+A flight goes on inside a sphere; it ends as a collision if it has been inside by more than `margin`
+of the radius.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from visenvs.core.compile import kernel
+from visenvs.core.config import to_record
+from visenvs.core.frames import identity
+from visenvs.core.lanes import Task, lane_dtype
+from visenvs.core.layout import Field, Layout
+from visenvs.core.noise import uniform
+from visenvs.core.outcome import MISS, RUNNING, SUCCESS, Outcome
+from visenvs.dynamics.point_mass import move, saturate
+from visenvs.envs._avoidance_config import SCENARIOS, SEEN, TOLD, TRUTH, AvoidanceConfig, K
+from visenvs.envs._obstacles import (
+    GOAL,
+    PLACE,
+    SIGHTINGS,
+    SPEED,
+    TRACKS,
+    WORK,
+    look,
+    place,
+    relative,
+    tell_priors,
+    track,
+)
+from visenvs.estimation.ekf import factorise, pack_lower, whiten
+
+ENV_ID = "visenvs/Avoidance-v0"
+
+COLLISION = int(Outcome.COLLISION)
+
+LANE = lane_dtype(
+    [
+        ("r_V_N", "f8", (3,)),  # vehicle, known to itself
+        ("v_V_N", "f8", (3,)),
+        ("a_V_N", "f8", (3,)),  # applied acceleration
+        ("count", "i8"),  # obstacles of the scene
+        ("r_O_N", "f8", (K, 3)),  # obstacles, truth
+        ("v_O_N", "f8", (K, 3)),
+        ("radius", "f8", (K,)),  # of their safety spheres, known to the vehicle
+        ("speed", "f8"),  # along x at the start
+        ("blocks", "f8", (K,)),  # 1 where the sphere cuts the straight line to the waypoint
+        ("closest", "f8", (K,)),  # least distance from the centre so far, m
+        ("t_closest", "f8", (K,)),  # when that was, s
+        ("tracks", TRACKS),
+        ("x_O", "f8", (K + 1, 6)),  # position and velocity that "ekf-moving" estimates
+        ("P_O", "f8", (K + 1, 6, 6)),
+        ("t_made", "f8", (K,)),  # when the first tracks began, s
+        ("sightings", "f8", (SIGHTINGS, 2)),  # of the last image,
+        ("sighted", "f8"),  # and how many
+        # of the row: tracks sorted by time to go
+        ("rhat_WV_N", "f8", (3,)),
+        ("t_go", "f8"),
+        ("rhat_OV_N", "f8", (K, 3)),
+        ("chol_OV", "f8", (K, 6)),
+        ("vhat_O_N", "f8", (K, 3)),
+        ("radius_O", "f8", (K,)),
+        ("valid_O", "f8", (K,)),
+        ("slot_O", "f8", (K,)),
+        ("r_OV_N", "f8", (K, 3)),  # the truth that `told` adds
+        ("cost_control", "f8"),
+        ("cost_violation", "f8"),
+        ("cost_divergence", "f8"),
+        ("cost_miss", "f8"),
+        ("total_cost", "f8"),
+        ("control_cost", "f8"),
+        ("miss_distance", "f8"),
+        ("min_separation", "f8"),
+        ("violations", "f8"),
+        ("ghosts", "f8"),  # tracks of nothing, or of an obstacle that has one
+        ("nees_mean", "f8"),  # over tracks and steps
+        ("nees_count", "f8"),
+        ("peak_acceleration", "f8"),
+    ]
+)
+
+FAR, SPREAD = 2000.0, 500.0  # bounds of positions and of their deviations in the row, m
+OBSERVATION = Layout(
+    (
+        Field("rhat_WV_N", 3, "m", "N", -FAR, FAR, 100.0, "waypoint relative to the vehicle"),
+        Field("v_V_N", 3, "m/s", "N", -200.0, 200.0, 10.0, "own velocity"),
+        Field("t_go", 1, "s", "", 0.0, 1000.0, 20.0, "time to go to the waypoint's plane"),
+        Field(
+            "rhat_OV_N",
+            3 * K,
+            "m",
+            "N",
+            -FAR,
+            FAR,
+            100.0,
+            f"estimated positions of {K} obstacles relative to the vehicle, in the order of time "
+            "to go, those behind it last, zeros where there is none",
+            each=K,
+        ),
+        Field(
+            "chol_OV",
+            6 * K,
+            "m",
+            "N",
+            -SPREAD,
+            SPREAD,
+            10.0,
+            "lower Cholesky factors of their covariances, row by row",
+            each=K,
+        ),
+        Field("vhat_O_N", 3 * K, "m/s", "N", -50.0, 50.0, 5.0, "estimated velocities of these", K),
+        Field("radius_O", K, "m", "", 0.0, 500.0, 20.0, "radii of their safety spheres", K),
+        Field("valid_O", K, "", "", 0.0, 1.0, 1.0, "1 where there is an obstacle", K),
+        Field("slot_O", K, "", "", 0.0, K, 8.0, "which track it is, whatever its place", K),
+    )
+)
+TOLD_TOO = Layout(
+    (
+        # in front, lest Numba take such a row for one of the other kind
+        Field(
+            "r_OV_N", 3 * K, "m", "N", -FAR, FAR, 100.0, "true positions of the obstacles below", K
+        ),
+        *OBSERVATION.fields,
+    )
+)
+ACTION = Layout(
+    (
+        Field(
+            "a_V_N", 3, "a_max", "N", -1.0, 1.0, 1.0, "commanded acceleration over the longest one"
+        ),
+    )
+)
+
+
+@kernel
+def step_lane(lane, action, cfg, work):
+    """One step: act and move, sense and estimate, score."""
+    fly(lane, action, cfg, work["moved"])
+    believe(lane, cfg, work)
+    tell(lane, cfg, work)
+    score(lane, cfg, work)
+
+
+@kernel
+def reset_lane(lane, cfg, work):
+    """Start an episode from a zeroed record: place the obstacles, tell the filter, look."""
+    place(lane, cfg)
+    for i in range(3):
+        u = uniform(lane["seed"], lane["episode"], PLACE, 0, SPEED + i)
+        lane["v_V_N"][i] = cfg["velocity"][i] + (2.0 * u - 1.0) * cfg["velocity_drawn"][i]
+    lane["speed"] = lane["v_V_N"][0]
+    for i in range(lane["count"]):
+        lane["closest"][i] = math.inf
+        lane["blocks"][i] = 1.0 if blocks(lane, i, cfg) else 0.0
+    watch(lane, cfg, work["u"])
+    if cfg["prior"] == TOLD and cfg["estimator"] != TRUTH:
+        tell_priors(lane, cfg, work)
+    believe(lane, cfg, work)
+    tell(lane, cfg, work)
+
+
+@kernel
+def fly(lane, action, cfg, moved):
+    """Apply the saturated command for one step; `moved` receives the displacement (N, m)."""
+    a = lane["a_V_N"]
+    free = 1.0 if lane["step"] > round(cfg["pre_run"] / cfg["dt"]) else 0.0
+    for i in range(3):
+        a[i] = free * cfg["a_max"] * action[i]
+        moved[i] = 0.0
+    if cfg["lateral"]:
+        a[0] = 0.0
+    saturate(a, cfg["a_max"], a)
+    move(moved, lane["v_V_N"], a, cfg["dt"])
+    for i in range(3):
+        lane["r_V_N"][i] += moved[i]
+    for i in range(lane["count"]):
+        for j in range(3):
+            lane["r_O_N"][i, j] += cfg["dt"] * lane["v_O_N"][i, j]
+
+
+@kernel
+def believe(lane, cfg, work):
+    """Bring the tracks up to date: by the next image, or with perfect information."""
+    if cfg["estimator"] != TRUTH:
+        track(lane, cfg, work)
+        return
+    look(lane, cfg, work)
+    T = lane["tracks"]
+    for j in range(K + 1):
+        known = j < lane["count"] or (j == GOAL and cfg["goal"] == SEEN)
+        T["alive"][j], T["owner"][j] = (1.0 if known else 0.0), j
+        if known:
+            relative(lane, j, cfg, T["r"][j])
+        for i in range(3):
+            lane["x_O"][j, i + 3] = lane["v_O_N"][j, i] if j < lane["count"] else 0.0
+
+
+@kernel
+def tell(lane, cfg, work):
+    """Write the row: the waypoint, and the tracks in the order of their time to go."""
+    T, v, key, order, count = lane["tracks"], lane["v_V_N"], work["key"], work["order"], 0
+    relative(lane, GOAL, cfg, lane["rhat_WV_N"])
+    square = max(v[0] * v[0] + v[1] * v[1] + v[2] * v[2], 1e-9)
+    for j in range(K + 1):
+        if T["alive"][j] == 0.0:
+            continue
+        r = T["r"][j]
+        if T["owner"][j] == GOAL:
+            for i in range(3):
+                lane["rhat_WV_N"][i] = r[i]
+            continue
+        t = (r[0] * v[0] + r[1] * v[1] + r[2] * v[2]) / square
+        t = t if t >= 0.0 else 1e9 - t
+        k = count
+        while k > 0 and key[k - 1] > t:
+            if k < K:
+                key[k], order[k] = key[k - 1], order[k - 1]
+            k -= 1
+        if k < K:
+            key[k], order[k] = t, j
+        count = min(count + 1, K)
+    # never slower than a tenth of the speed at the start, so that the time stays finite
+    lane["t_go"] = lane["rhat_WV_N"][0] / max(v[0], 0.1 * lane["speed"])
+    for k in range(K):
+        write_track(lane, k, order[k] if k < count else -1, cfg)
+
+
+@kernel
+def write_track(lane, k, j, cfg):
+    """Write track j into place k of the row, or zeros for j = -1."""
+    T, there = lane["tracks"], 1.0 if j >= 0 else 0.0
+    for i in range(3):
+        lane["rhat_OV_N"][k, i] = lane["r_OV_N"][k, i] = T["r"][j, i] if j >= 0 else 0.0
+        lane["vhat_O_N"][k, i] = lane["x_O"][j, i + 3] if j >= 0 else 0.0
+    if j >= 0 and T["owner"][j] >= 0.0:
+        relative(lane, int(T["owner"][j]), cfg, lane["r_OV_N"][k])
+    lane["chol_OV"][k, :] = 0.0
+    lane["valid_O"][k], lane["slot_O"][k], lane["radius_O"][k] = there, max(j, 0), 0.0
+    if j >= 0:
+        pack_lower(T["cov"][j], lane["chol_OV"][k])
+        factorise(lane["chol_OV"][k], 3)
+        lane["radius_O"][k] = lane["radius"][max(int(T["owner"][j]), 0)]
+
+
+@kernel
+def watch(lane, cfg, u):
+    """Update the closest approach to every obstacle; returns what deeper intrusions cost."""
+    cost = 0.0
+    lane["min_separation"] = math.inf
+    for i in range(lane["count"]):
+        relative(lane, i, cfg, u)
+        distance = math.sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2])
+        if distance < lane["closest"][i]:
+            before = max(lane["radius"][i] - lane["closest"][i], 0.0)
+            after = max(lane["radius"][i] - distance, 0.0)
+            cost += 0.5 * cfg["s_violation"] * (after * after - before * before)
+            lane["closest"][i] = distance
+            lane["t_closest"][i] = lane["step"] * cfg["dt"]
+        separation = lane["closest"][i] / lane["radius"][i]
+        lane["min_separation"] = min(lane["min_separation"], separation)
+    return cost
+
+
+@kernel
+def score(lane, cfg, work):
+    """Charge this step's cost, watch the filters, and end behind the waypoint's plane."""
+    a, r, moved = lane["a_V_N"], work["u"], work["moved"]
+    effort = a[0] * a[0] + a[1] * a[1] + a[2] * a[2]
+    lane["cost_control"] = 0.5 * cfg["dt"] * effort
+    lane["cost_violation"] = watch(lane, cfg, r)
+    lane["control_cost"] += lane["cost_control"]
+    lane["peak_acceleration"] = max(lane["peak_acceleration"], math.sqrt(effort))
+    watch_filters(lane, cfg, work["u"])
+    relative(lane, GOAL, cfg, r)
+    passed = r[0] <= 1e-6 * moved[0]  # rounding must not cost a step
+    if passed or lane["step"] >= longest(cfg):
+        back = r[0] / moved[0] if passed else 0.0  # to the plane, along the last displacement
+        ahead, y, z = (0.0 if passed else r[0]), r[1] - back * moved[1], r[2] - back * moved[2]
+        miss = math.sqrt(ahead * ahead + y * y + z * z)
+        lane["miss_distance"] = miss
+        lane["cost_miss"] = 0.5 * cfg["s_x"] * miss * miss
+        lane["cost_divergence"] = divergence(lane, cfg)
+        lane["ghosts"] = lane["tracks"]["ghosts"]
+        if lane["min_separation"] < 1.0 - cfg["margin"]:
+            lane["outcome"] = COLLISION
+        elif passed:
+            lane["outcome"] = SUCCESS if miss <= cfg["success_radius"] else MISS
+    lane["total_cost"] += lane["cost_control"] + lane["cost_violation"]
+    lane["total_cost"] += lane["cost_divergence"] + lane["cost_miss"]
+
+
+@kernel
+def watch_filters(lane, cfg, u):
+    """Mean over tracks and steps of the squared error in standard deviations: 3 if they hold."""
+    T = lane["tracks"]
+    for k in range(K):
+        j = int(lane["slot_O"][k])
+        if lane["valid_O"][k] > 0.0 and T["owner"][j] >= 0.0:
+            relative(lane, int(T["owner"][j]), cfg, u)
+            for i in range(3):
+                u[i] = T["r"][j, i] - u[i]
+            lane["nees_count"] += 1.0
+            nees = whiten(lane["chol_OV"][k], u, u)
+            lane["nees_mean"] += (nees - lane["nees_mean"]) / lane["nees_count"]
+
+
+@kernel
+def divergence(lane, cfg):
+    """Cost of having passed the blocking spheres wider than needed; counts the violations, too."""
+    cost = 0.0
+    for i in range(lane["count"]):
+        if lane["closest"][i] < (1.0 - cfg["margin"]) * lane["radius"][i]:
+            lane["violations"] += 1.0
+        excess = lane["closest"][i] - (1.0 + cfg["margin"]) * lane["radius"][i]
+        if excess > 0.0 and lane["blocks"][i]:
+            cost += 0.5 * cfg["s_divergence"] * excess * excess
+    return cost
+
+
+@kernel
+def blocks(lane, i, cfg):
+    """Whether a straight flight to the waypoint at constant speed enters the sphere of obstacle i.
+
+    r - s w is the obstacle relative to that flight, from s = 0 at its start to s = 1 at its end.
+    """
+    r, square, along, distance = lane["r_O_N"][i], 0.0, 0.0, 0.0
+    t = cfg["waypoint"][0] / lane["speed"]
+    for j in range(3):
+        w = cfg["waypoint"][j] - t * lane["v_O_N"][i, j]
+        square += w * w
+        along += r[j] * w
+    s = min(max(along / square, 0.0), 1.0)
+    for j in range(3):
+        distance += (r[j] - s * (cfg["waypoint"][j] - t * lane["v_O_N"][i, j])) ** 2
+    return distance < lane["radius"][i] ** 2
+
+
+@kernel
+def longest(cfg):
+    """After how many steps a flight is cut off."""
+    slowest = cfg["velocity"][0] - cfg["velocity_drawn"][0]
+    return math.ceil(cfg["patience"] * cfg["waypoint"][0] / slowest / cfg["dt"] - 1e-6)
+
+
+@kernel
+def reset_lanes(lanes, config):
+    """Start every lane given."""
+    work = np.zeros(1, WORK)
+    identity(work[0]["C"])
+    for i in range(lanes.shape[0]):
+        reset_lane(lanes[i], config[0], work[0])
+
+
+@kernel
+def step_lanes(lanes, actions, config):
+    """Advance every lane that is running."""
+    work = np.zeros(1, WORK)
+    identity(work[0]["C"])
+    for i in range(lanes.shape[0]):
+        if lanes[i]["outcome"] == RUNNING:
+            step_lane(lanes[i], actions[i], config[0], work[0])
+
+
+def max_steps(config: AvoidanceConfig) -> int:
+    """Only a vehicle that may slow down is ever cut off."""
+    return int(longest(to_record(config)[0]))
+
+
+TASK = Task(
+    id=ENV_ID,
+    summary="reach a waypoint past obstacles that one camera sees and a filter places",
+    scenarios=SCENARIOS,
+    lane=LANE,
+    observation=OBSERVATION,
+    views={"belief": OBSERVATION, "told": TOLD_TOO},
+    action=ACTION,
+    costs=("cost_control", "cost_violation", "cost_divergence", "cost_miss"),
+    metrics={
+        "total_cost": "m^2/s^3",
+        "control_cost": "m^2/s^3",
+        "miss_distance": "m",
+        "min_separation": "",
+        "violations": "",
+        "ghosts": "",
+        "nees_mean": "",
+        "peak_acceleration": "m/s^2",
+    },
+    reset_lanes=reset_lanes,
+    step_lanes=step_lanes,
+    max_steps=max_steps,
+    picture="visenvs.render.avoidance:draw",
+    reference="cone-pn",
+    shown=("violations", "min_separation"),
+)

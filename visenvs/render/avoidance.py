@@ -1,0 +1,269 @@
+"""The picture of obstacle avoidance: seen from above, from the side, and by the camera."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from visenvs.core.config import to_record
+from visenvs.core.lanes import Task
+from visenvs.core.outcome import Outcome
+from visenvs.core.pinhole import jacobian, project
+from visenvs.envs.avoidance import AvoidanceConfig
+from visenvs.render import style
+from visenvs.render.canvas import NOTHING, Panel, Points
+from visenvs.render.scene import ENDINGS, figures
+from visenvs.render.style import Image, head, write
+
+WIDTH, HEIGHT = 960, 540
+TOP_VIEW = (44, 66, 708, 206)  # left, top, width, height of the plot, pixels
+SIDE_VIEW = (44, 312, 708, 192)
+CAMERA = (774, 66, 170, 170)
+STATUS = (774, 256, 170, 250)
+
+FROM_ABOVE = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])  # maps N to (right, up)
+FROM_THE_SIDE = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+MARGIN = 0.04  # around what is shown, in lengths of the flight
+WIDEST = 1.0  # half width of the camera picture for lenses that see more, focal lengths
+ARROW_TIME = 0.06  # arrows show the displacement in this share of the flight
+END = {
+    **ENDINGS,
+    Outcome.COLLISION: ("collision", style.VERMILLION),
+    Outcome.TIME_LIMIT: ("time limit", style.VERMILLION),
+}
+
+
+def draw(
+    record: np.void, config: AvoidanceConfig, task: Task, trail: NDArray[Any] | None = None
+) -> Image:
+    """Draw one lane record, RGB, shape (540, 960, 3).
+
+    The window stays the same throughout an episode: it follows from the record's seed and episode.
+
+    Args:
+        record: lane record of the avoidance task.
+        config: its configuration.
+        task: its card, which finds the start of the episode again.
+        trail: earlier records of the episode, shape (n,), for the path flown; None for no path.
+    """
+    image = background().copy()
+    top, side = windows(image, start(record, config, task), config)
+    path = np.zeros((0, 3)) if trail is None else np.vstack([trail["r_V_N"], record["r_V_N"]])
+    with np.errstate(invalid="ignore", over="ignore"):  # the last record of a diverged lane
+        for panel, rows in ((top, FROM_ABOVE), (side, FROM_THE_SIDE)):
+            draw_plane(panel, rows, record, config, path)
+        draw_camera(image, record, config)
+        draw_status(image, record, config)
+    top.labels("along the flight (m)", "to the left (m)")
+    side.labels("along the flight (m)", "height (m)")
+    return image
+
+
+@cache
+def background() -> Image:
+    """What no record changes: headings and legend."""
+    image = np.empty((HEIGHT, WIDTH, 3), np.uint8)
+    style.paint(image, style.PAPER)
+    head(image, "Avoidance", (16, 29), 19)
+    for (left, top, _, _), title in (
+        (TOP_VIEW, "Top view"),
+        (SIDE_VIEW, "Side view"),
+        (CAMERA, "Camera"),
+    ):
+        head(image, title, (left, top - 8))
+    draw_legend(image)
+    return image
+
+
+def start(record: np.void, config: AvoidanceConfig, task: Task) -> np.void:
+    """The record at the start of the episode."""
+    first = np.zeros(1, task.lane)
+    first["seed"], first["episode"] = record["seed"], record["episode"]
+    task.reset_lanes(first, to_record(config))
+    return first[0]
+
+
+def windows(image: Image, first: np.void, config: AvoidanceConfig) -> tuple[Panel, Panel]:
+    """Top and side view at one scale: start, waypoint and all spheres with a margin about them."""
+    n, waypoint = int(first["count"]), np.array(config.waypoint)
+    points, reach = first["r_O_N"][:n], first["radius"][:n, None]
+    ends = np.stack([np.zeros(3), waypoint])
+    margin = MARGIN * float(np.linalg.norm(waypoint))
+    low = np.minimum((points - reach).min(axis=0), ends.min(axis=0)) - margin
+    high = np.maximum((points + reach).max(axis=0), ends.max(axis=0)) + margin
+    panels: list[tuple[tuple[float, float], float]] = []
+    for rows, (_, _, width, height) in ((FROM_ABOVE, TOP_VIEW), (FROM_THE_SIDE, SIDE_VIEW)):
+        middle = rows @ (low + high) / 2
+        extent = np.abs(rows @ (high - low))
+        scale = float(np.min(np.array([width, height]) / extent))
+        panels.append(((float(middle[0]), float(middle[1])), scale))
+    scale = min(scale for _, scale in panels)
+    (above, _), (beside, _) = panels
+    return Panel(image, *TOP_VIEW, above, scale), Panel(image, *SIDE_VIEW, beside, scale)
+
+
+def tracks(record: np.void) -> list[tuple[Points, Points, float]]:
+    """What the row tells: estimates relative to the vehicle (3,), covariances (3, 3), radii."""
+    out: list[tuple[Points, Points, float]] = []
+    for k in np.flatnonzero(record["valid_O"] == 1.0):
+        L = np.zeros((3, 3))
+        L[np.tril_indices(3)] = record["chol_OV"][k]
+        out.append((record["rhat_OV_N"][k], L @ L.T, float(record["radius_O"][k])))
+    return out
+
+
+def draw_plane(
+    panel: Panel, rows: Points, record: np.void, config: AvoidanceConfig, path: Points
+) -> None:
+    """Draw spheres, estimates, waypoint, the path flown and the vehicle in a plane.
+
+    Args:
+        panel: where.
+        rows: maps N to (right, up), shape (2, 3).
+        record: lane record.
+        config: its configuration.
+        path: positions flown in N, shape (n, 3).
+    """
+    vehicle, velocity = rows @ record["r_V_N"], rows @ record["v_V_N"]
+    found = [(vehicle + rows @ r, rows @ P @ rows.T, d) for r, P, d in tracks(record)]
+    waypoint = rows @ np.array(config.waypoint)
+    panel.clear()
+    for point, radius in obstacles(record):
+        panel.disc(rows @ point, radius * panel.scale, style.SAND)
+    ellipses = [[panel.ellipse(at, P, n) for at, P, _ in found] for n in (3.0, 1.0)]
+    for shapes, colour in zip(ellipses, (style.PALE_BLUE, style.MIDDLE_BLUE), strict=True):
+        for shape in shapes:
+            panel.fill(shape, colour)
+    panel.grid()
+    for point, radius in obstacles(record):
+        panel.disc(rows @ point, radius * panel.scale, style.VERMILLION, 1)
+        panel.disc(rows @ point, 3.5, style.VERMILLION)
+    for shape in (*ellipses[0], *ellipses[1]):
+        panel.line(shape, style.BLUE, 1, closed=True)
+    for at, _, radius in found:
+        panel.disc(at, radius * panel.scale, style.BLUE, 1)
+        panel.reticle(at, style.BLUE, 1)
+    panel.path(path @ rows.T, style.GREY)
+    panel.disc(waypoint, max(config.success_radius * panel.scale, 4.0), style.GREEN, 2)
+    tau = ARROW_TIME * config.waypoint[0] / config.velocity[0]
+    panel.arrow(vehicle, tau * velocity, style.INK)
+    panel.arrow(vehicle, tau**2 / 2 * (rows @ record["a_V_N"]), style.GREEN)
+    panel.dart(vehicle, velocity, style.INK)
+    panel.pointer(vehicle, style.INK)
+    panel.border()
+
+
+def obstacles(record: np.void) -> list[tuple[Points, float]]:
+    """True centres (3,) and radii of the safety spheres, m."""
+    n = int(record["count"])
+    return [(record["r_O_N"][i], float(record["radius"][i])) for i in range(n)]
+
+
+def draw_camera(image: Image, record: np.void, config: AvoidanceConfig) -> None:
+    """Draw what the camera sees: safety spheres, what was measured, and what was expected."""
+    shown = min(config.half_width, WIDEST)
+    panel = Panel(image, *CAMERA, (0.0, 0.0), CAMERA[2] / 2 / shown)
+    pixels, C = image_points(record, config), np.eye(3)
+    panel.clear(style.WHITE if len(pixels) else style.GRID)
+    for r, P, _ in tracks(record):
+        point, spread = predicted_point(r, P, config)
+        if r[0] > config.min_range:
+            panel.fill(panel.ellipse(point, spread, 3.0), style.PALE_BLUE)
+            panel.fill(panel.ellipse(point, spread, 1.0), style.MIDDLE_BLUE)
+            panel.reticle(point, style.BLUE, 1)
+    for point, radius in obstacles(record):
+        depth, y, z = project(C, point - record["r_V_N"], config.min_range)
+        if depth > config.min_range:
+            panel.disc((y, -z), radius / depth * panel.scale, style.VERMILLION, 1)
+            panel.disc((y, -z), 2.5, style.VERMILLION)
+    for pixel in pixels:
+        panel.cross(pixel, style.INK)
+        panel.pointer(pixel, style.INK)
+    angle = f"±{math.degrees(math.atan(shown)):.0f}°"
+    write(panel.view, angle, (panel.width - 5, panel.height - 7), 12, style.GREY, "right")
+    panel.border(style.FRAME if len(pixels) else style.VERMILLION)
+
+
+def image_points(record: np.void, config: AvoidanceConfig) -> Points:
+    """What the last image gave, as (right, up) in focal lengths, shape (n, 2)."""
+    found: Points = record["sightings"][: int(np.nan_to_num(record["sighted"]))] * (1.0, -1.0)
+    if config.sensor == "image":
+        return found
+    theta, phi = found.T
+    return np.stack([np.tan(theta), np.tan(phi) / np.cos(theta)], axis=1)
+
+
+def predicted_point(r: Points, P: Points, config: AvoidanceConfig) -> tuple[Points, Points]:
+    """Image point of an estimate, (right, up), and its covariance H P H' (2, 2), focal lengths."""
+    H, C = np.zeros((2, 3)), np.eye(3)
+    X, y, z = project(C, r, config.min_range)
+    jacobian(C, X, y, z, H)
+    H[1] = -H[1]
+    return np.array([y, -z]), H @ P @ H.T if r[0] > config.min_range else NOTHING
+
+
+def draw_status(image: Image, record: np.void, config: AvoidanceConfig) -> None:
+    """Write time to go, the nearest approach, cost and the end of the episode."""
+    left, top, width, height = STATUS
+    separation = float(record["min_separation"])
+    inside = separation < 1.0 - config.margin
+    rows = (
+        ("time to go", f"{max(float(record['t_go']), 0.0):.1f} s", style.INK),
+        (
+            "closest approach",
+            f"{figures(separation)} radii",
+            style.VERMILLION if inside else style.INK,
+        ),
+        ("obstacles tracked", f"{len(tracks(record))}", style.BLUE),
+        ("cost so far", f"{figures(float(record['total_cost']))} m²/s³", style.INK),
+    )
+    for line, (name, value, colour) in enumerate(rows):
+        y = top + 12 + 46 * line
+        write(image, name, (left, y), 13, style.GREY)
+        write(image, value, (left, y + 21), 19, colour)
+    bar = Panel(image, left + 80, top + 22, width - 80, 5)
+    bar.clear(style.GRID)
+    whole = config.waypoint[0] / config.velocity[0]
+    share = min(max(float(np.nan_to_num(record["t_go"])) / whole, 0.0), 1.0)
+    style.paint(bar.view[:, : round(bar.width * share)], style.INK)
+    write(image, f"seed {record['seed']}", (left, top + 12 + 46 * 4), 13, style.GREY)
+    outcome = Outcome(int(record["outcome"]))
+    if outcome in END:
+        name, colour = END[outcome]
+        if outcome in (Outcome.SUCCESS, Outcome.MISS):
+            name = f"{name}: {figures(float(record['miss_distance']))} m off"
+        chip = Panel(image, left, top + height - 30, width, 30)
+        chip.clear(colour)
+        write(image, name, (left + 10, chip.top + 20), 15, style.WHITE)
+
+
+def draw_legend(image: Image) -> None:
+    """Name the marks along the top."""
+    icons = [Panel(image, left, 12, 26, 24) for left in (150, 236, 320, 436, 530, 660, 796)]
+    names = (
+        "vehicle",
+        "velocity",
+        "acceleration",
+        "waypoint",
+        "safety sphere",
+        "estimate 1σ 3σ",
+        "measured",
+    )
+    icons[0].dart((3.0, 0.0), (1.0, 0.0), style.INK)
+    icons[1].arrow((-11.0, 0.0), (22.0, 0.0), style.INK)
+    icons[2].arrow((-11.0, 0.0), (22.0, 0.0), style.GREEN)
+    icons[3].disc((5.0, 0.0), 4.5, style.GREEN, 2)
+    icons[4].disc((2.0, 0.0), 9.0, style.SAND)
+    icons[4].disc((2.0, 0.0), 9.0, style.VERMILLION, 1)
+    icons[4].disc((2.0, 0.0), 3.0, style.VERMILLION)
+    ellipse = icons[5].ellipse((0.0, 0.0), np.diag([15.0, 10.0]), 3.0)
+    icons[5].fill(ellipse, style.PALE_BLUE)
+    icons[5].line(ellipse, style.BLUE, 1, closed=True)
+    icons[5].reticle((0.0, 0.0), style.BLUE)
+    icons[6].cross((3.0, 0.0), style.INK)
+    for icon, name in zip(icons, names, strict=True):
+        write(image, name, (icon.left + 30, 29), 13, style.GREY)
