@@ -22,7 +22,7 @@ class Preset:
         policy: arguments of its policy (`net_arch`, `log_std_init`, ...).
         sets: width of the network that reads what a row lists in any order (PPO only); 0 for none.
         residual_scale: what a residual may add to a law, over the longest action.
-        reward_floor: see `train.vec_env.LaneVecEnv`.
+        reward_floor, unit: see `train.vec_env.LaneVecEnv`.
     """
 
     lanes: int
@@ -31,6 +31,7 @@ class Preset:
     sets: int = 0
     residual_scale: float = 0.3
     reward_floor: float = float("-inf")
+    unit: float = 1.0
 
 
 ON_POLICY = {
@@ -83,6 +84,15 @@ PRESETS: dict[tuple[str, Algo], Preset] = {
         256,
         ON_POLICY | {"n_steps": 150, "gamma": 0.99},
         SMALL | {"log_std_init": -0.5},
+    ),
+    ("visenvs/Avoidance-v0", "ppo"): Preset(
+        256,
+        ON_POLICY | {"n_steps": 400, "gae_lambda": 0.97, "batch_size": 6400},
+        SMALL | {"log_std_init": -2.5},
+        sets=64,
+        residual_scale=0.5,
+        reward_floor=-20.0,
+        unit=10.0,
     ),
 }
 

@@ -195,6 +195,7 @@ def build_lanes(
         residual,
         potential_of(task, config),
         preset.reward_floor,
+        preset.unit,
     )
     return lanes, LaneVecEnv(task, config, VALIDATION_SEEDS, residual)
 

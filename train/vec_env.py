@@ -31,6 +31,7 @@ class LaneVecEnv(VecEnv):
             as it is.
         reward_floor: shaped rewards below this are cut off there, m^2/s^3: one lost target in
             a thousand episodes costs more than all the others and would drown what they teach.
+        unit: shaped rewards are divided by it, so that values stay about 1.
     """
 
     def __init__(
@@ -41,6 +42,7 @@ class LaneVecEnv(VecEnv):
         residual: Residual | None = None,
         potential: Potential | None = None,
         reward_floor: float = -np.inf,
+        unit: float = 1.0,
     ) -> None:
         count, task = len(seeds), task.under(config)
         self.render_mode = None
@@ -50,7 +52,7 @@ class LaneVecEnv(VecEnv):
         self._residual = residual
         self._potential = potential
         self._before = np.zeros(count)
-        self._floor = reward_floor
+        self._floor, self._unit = reward_floor, unit
         self._start = time.time()
         self._returns = np.zeros(count)
         self._actions = np.zeros((count, task.action.size), np.float32)
@@ -84,7 +86,7 @@ class LaneVecEnv(VecEnv):
             self._finish(done, infos)
         return (
             self.lanes.rows.copy(),
-            np.maximum(rewards, self._floor).astype(np.float32),
+            (np.maximum(rewards, self._floor) / self._unit).astype(np.float32),
             done,
             infos,
         )
