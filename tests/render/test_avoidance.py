@@ -11,7 +11,8 @@ from visenvs.core.config import override
 from visenvs.core.lanes import Lanes
 from visenvs.core.registry import load_task
 from visenvs.render import avoidance
-from visenvs.render.avoidance import FROM_ABOVE, FROM_THE_SIDE, draw, image_points, start, windows
+from visenvs.render.avoidance import FROM_ABOVE, FROM_THE_SIDE, draw, image_points, windows
+from visenvs.render.scene import first_record
 from visenvs.render.style import BLUE, GREEN, VERMILLION
 
 TASK = load_task("visenvs/Avoidance-v0")
@@ -82,7 +83,7 @@ def test_both_windows_hold_start_waypoint_and_all_spheres_at_one_scale():
     lanes, image = Lanes(TASK, CONFIG, 100), np.zeros(SIZE, np.uint8)
     lanes.reset(np.arange(100))
     for record in lanes.records:
-        top, side = windows(image, start(record, CONFIG, TASK), CONFIG)
+        top, side = windows(image, first_record(record, CONFIG, TASK), CONFIG)
         assert top.scale == side.scale
         n = int(record["count"])
         for panel, rows in ((top, FROM_ABOVE), (side, FROM_THE_SIDE)):
@@ -96,7 +97,7 @@ def test_spheres_estimates_and_waypoint_stand_where_they_are():
     record, image = episode(steps=0)[0], np.zeros(SIZE, np.uint8)
     record["chol_OV"] = 0.0
     frame = draw(record, CONFIG, TASK)
-    top, side = windows(image, start(record, CONFIG, TASK), CONFIG)
+    top, side = windows(image, first_record(record, CONFIG, TASK), CONFIG)
     for panel, rows, box in (
         (top, FROM_ABOVE, avoidance.TOP_VIEW),
         (side, FROM_THE_SIDE, avoidance.SIDE_VIEW),
@@ -116,7 +117,7 @@ def test_spheres_estimates_and_waypoint_stand_where_they_are():
 def test_the_sphere_is_as_large_as_its_radius():
     record = episode(steps=0)[0]
     before, edges = draw(record, CONFIG, TASK), []
-    top, _ = windows(before, start(record, CONFIG, TASK), CONFIG)
+    top, _ = windows(before, first_record(record, CONFIG, TASK), CONFIG)
     left, upper, width, height = avoidance.TOP_VIEW
     x, y = top.pixels(FROM_ABOVE @ record["r_O_N"][0])
     for factor in (1.5, 2.0):

@@ -9,17 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from visenvs.core.config import to_record
 from visenvs.core.lanes import Task
-from visenvs.core.outcome import Outcome
 from visenvs.core.pinhole import jacobian, project
 from visenvs.envs.avoidance import AvoidanceConfig
 from visenvs.render import style
 from visenvs.render.canvas import NOTHING, Panel, Points
-from visenvs.render.scene import ENDINGS, figures
-from visenvs.render.style import Image, head, write
+from visenvs.render.scene import draw_figures, figures, first_record, paper
+from visenvs.render.style import Image, write
 
-WIDTH, HEIGHT = 960, 540
 TOP_VIEW = (44, 66, 708, 206)  # left, top, width, height of the plot, pixels
 SIDE_VIEW = (44, 312, 708, 192)
 CAMERA = (774, 66, 170, 170)
@@ -30,11 +27,6 @@ FROM_THE_SIDE = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 MARGIN = 0.04  # around what is shown, in lengths of the flight
 WIDEST = 1.0  # half width of the camera picture for lenses that see more, focal lengths
 ARROW_TIME = 0.06  # arrows show the displacement in this share of the flight
-END = {
-    **ENDINGS,
-    Outcome.COLLISION: ("collision", style.VERMILLION),
-    Outcome.TIME_LIMIT: ("time limit", style.VERMILLION),
-}
 
 
 def draw(
@@ -51,7 +43,7 @@ def draw(
         trail: earlier records of the episode, shape (n,), for the path flown; None for no path.
     """
     image = background().copy()
-    top, side = windows(image, start(record, config, task), config)
+    top, side = windows(image, first_record(record, config, task), config)
     path = np.zeros((0, 3)) if trail is None else np.vstack([trail["r_V_N"], record["r_V_N"]])
     with np.errstate(invalid="ignore", over="ignore"):  # the last record of a diverged lane
         for panel, rows in ((top, FROM_ABOVE), (side, FROM_THE_SIDE)):
@@ -66,25 +58,9 @@ def draw(
 @cache
 def background() -> Image:
     """What no record changes: headings and legend."""
-    image = np.empty((HEIGHT, WIDTH, 3), np.uint8)
-    style.paint(image, style.PAPER)
-    head(image, "Avoidance", (16, 29), 19)
-    for (left, top, _, _), title in (
-        (TOP_VIEW, "Top view"),
-        (SIDE_VIEW, "Side view"),
-        (CAMERA, "Camera"),
-    ):
-        head(image, title, (left, top - 8))
+    image = paper("Avoidance", {"Top view": TOP_VIEW, "Side view": SIDE_VIEW, "Camera": CAMERA})
     draw_legend(image)
     return image
-
-
-def start(record: np.void, config: AvoidanceConfig, task: Task) -> np.void:
-    """The record at the start of the episode."""
-    first = np.zeros(1, task.lane)
-    first["seed"], first["episode"] = record["seed"], record["episode"]
-    task.reset_lanes(first, to_record(config))
-    return first[0]
 
 
 def windows(image: Image, first: np.void, config: AvoidanceConfig) -> tuple[Panel, Panel]:
@@ -208,7 +184,6 @@ def predicted_point(r: Points, P: Points, config: AvoidanceConfig) -> tuple[Poin
 
 def draw_status(image: Image, record: np.void, config: AvoidanceConfig) -> None:
     """Write time to go, the nearest approach, cost and the end of the episode."""
-    left, top, width, height = STATUS
     separation = float(record["min_separation"])
     inside = separation < 1.0 - config.margin
     rows = (
@@ -221,24 +196,7 @@ def draw_status(image: Image, record: np.void, config: AvoidanceConfig) -> None:
         ("obstacles tracked", f"{len(tracks(record))}", style.BLUE),
         ("cost so far", f"{figures(float(record['total_cost']))} m²/s³", style.INK),
     )
-    for line, (name, value, colour) in enumerate(rows):
-        y = top + 12 + 46 * line
-        write(image, name, (left, y), 13, style.GREY)
-        write(image, value, (left, y + 21), 19, colour)
-    bar = Panel(image, left + 80, top + 22, width - 80, 5)
-    bar.clear(style.GRID)
-    whole = config.waypoint[0] / config.velocity[0]
-    share = min(max(float(np.nan_to_num(record["t_go"])) / whole, 0.0), 1.0)
-    style.paint(bar.view[:, : round(bar.width * share)], style.INK)
-    write(image, f"seed {record['seed']}", (left, top + 12 + 46 * 4), 13, style.GREY)
-    outcome = Outcome(int(record["outcome"]))
-    if outcome in END:
-        name, colour = END[outcome]
-        if outcome in (Outcome.SUCCESS, Outcome.MISS):
-            name = f"{name}: {figures(float(record['miss_distance']))} m off"
-        chip = Panel(image, left, top + height - 30, width, 30)
-        chip.clear(colour)
-        write(image, name, (left + 10, chip.top + 20), 15, style.WHITE)
+    draw_figures(image, rows, record, config.waypoint[0] / config.velocity[0], STATUS)
 
 
 def draw_legend(image: Image) -> None:

@@ -115,7 +115,7 @@ def draw_status(image: Image, record: np.void, config: BearingsOnlyConfig) -> No
         ("Mahalanobis distance", figures(float(record["mahalanobis"])), style.VERMILLION),
         ("cost so far", figures(float(record["total_cost"])), style.INK),
     )
-    draw_figures(image, rows, record, config, STATUS)
+    draw_figures(image, rows, record, config.t_f, STATUS)
 
 
 def draw_legend(image: Image) -> None:

@@ -22,6 +22,8 @@ ARROW_TIME = 0.1  # arrows show the displacement in this fraction of the episode
 ENDINGS = {
     Outcome.SUCCESS: ("success", style.GREEN),
     Outcome.MISS: ("miss", style.VERMILLION),
+    Outcome.COLLISION: ("collision", style.VERMILLION),
+    Outcome.TIME_LIMIT: ("time limit", style.VERMILLION),
     Outcome.DIVERGED: ("diverged", style.VERMILLION),
 }
 
@@ -104,13 +106,16 @@ def draw_status(image: Image, record: np.void, config: Any, box: Box) -> None:
         ("true range", f"{figures(true_range)} m", style.VERMILLION),
         ("cost so far", f"{figures(float(record['total_cost']))} m²/s³", style.INK),
     )
-    draw_figures(image, rows, record, config, box)
+    draw_figures(image, rows, record, config.t_f, box)
 
 
 def draw_figures(
-    image: Image, rows: tuple[tuple[str, str, Any], ...], record: np.void, config: Any, box: Box
+    image: Image, rows: tuple[tuple[str, str, Any], ...], record: np.void, whole: float, box: Box
 ) -> None:
-    """Write rows of (name, text, colour), the first with a bar of the time to go, and the end."""
+    """Write rows of (name, text, colour) and the end of the episode.
+
+    The first row gets a bar: the time to go as a share of the `whole` time (s).
+    """
     left, top, width, height = box
     for line, (name, value, colour) in enumerate(rows):
         y = top + 12 + 46 * line
@@ -118,7 +123,7 @@ def draw_figures(
         write(image, value, (left, y + 21), 19, colour)
     bar = Panel(image, left + 80, top + 22, width - 80, 5)
     bar.clear(style.GRID)
-    share = min(max(float(np.nan_to_num(record["t_go"])) / config.t_f, 0.0), 1.0)
+    share = min(max(float(np.nan_to_num(record["t_go"])) / whole, 0.0), 1.0)
     style.paint(bar.view[:, : round(bar.width * share)], style.INK)
     write(image, f"seed {record['seed']}", (left, top + 12 + 46 * len(rows)), 13, style.GREY)
     outcome = Outcome(int(record["outcome"]))
@@ -127,7 +132,8 @@ def draw_figures(
         miss = float(record["miss_distance"])
         chip = Panel(image, left, top + height - 30, width, 30)
         chip.clear(colour)
-        text = name if outcome == Outcome.DIVERGED else f"{name}: {figures(miss)} m off"
+        near = outcome in (Outcome.SUCCESS, Outcome.MISS)
+        text = f"{name}: {figures(miss)} m off" if near else name
         write(image, text, (left + 10, chip.top + 20), 15, style.WHITE)
 
 
