@@ -7,7 +7,9 @@ Entries of a table with the law `dgg` or `ngg`:
 - estimate: the same by estimates only.
 - truth-overlap: `truth` with the rule for overlapping spheres (4.5)-(4.6); only with two obstacles.
 - known: obstacles and target known without error.
-- best: inverse-range UKF, cone test on velocity or target direction; only with `dgg`.
+- best: inverse-range UKF, cone test on velocity or target direction, aims at 1.03 radii (chosen on
+  other seeds); only with `dgg`.
+- latch: the same at 1 radius, and what was critical stays so until it is abeam; only with `dgg`.
 - hug: the same filter, always along the tangent of what is ahead; only with `dgg`.
 
 All keep the pre-run of 10 s without control.
@@ -56,7 +58,8 @@ ENTRIES = {
 }
 OVERLAP = {"truth-overlap": Entry("{}-overlap-told", ENTRIES["truth"].changes)}
 OURS = {
-    "best": Entry("dgg-target", (("estimator", "inverse-ukf"),)),
+    "best": Entry("dgg-target-x1.03", (("estimator", "inverse-ukf"),)),
+    "latch": Entry("dgg-target-latch", (("estimator", "inverse-ukf"),)),
     "hug": Entry("hug", (("estimator", "inverse-ukf"),)),
 }
 

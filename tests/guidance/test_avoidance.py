@@ -107,8 +107,9 @@ def test_with_a_latch_what_was_critical_stays_so(air):
         ([28.0, 3.3, 0.0], 8.0, 3, 2.9),
         ([4.0, 3.0, 0.0], 8.0, 3, 0.1),
         ([28.0, 3.3, 0.0], 8.0, 2, 0.1),
+        ([1.0, 9.0, 0.0], 8.0, 3, 0.1),
     ],
-    ids=["too near to aim at", "inside the sphere", "another identity"],
+    ids=["too near to aim at", "inside the sphere", "another identity", "passed, aim ahead"],
 )
 def test_a_latch_opens(air, X, d, slot, t_min):
     turned = np.array([10.0, -4.0, 0.0])

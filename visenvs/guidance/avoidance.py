@@ -14,7 +14,8 @@ t_min, the command would not end.
 
 By the letter of (3.20) the test is made anew at every step: a law that turns further than the
 tangent leaves the cone, is drawn back by the waypoint, and enters again. With a latch, an obstacle
-that was critical stays so as long as its time test holds and the vehicle is outside the sphere.
+that was critical stays so as long as its time test holds, it is ahead (of one behind, too, there
+are tangents, and the end of one may lie ahead), and the vehicle is outside the sphere.
 """
 
 from __future__ import annotations
@@ -158,14 +159,14 @@ def aim(b, s, rules, inside_of, j, latched, work):
     p, W, d, lateral = work[2], work[3], rules.factor * b["radius_O"][j], s["lateral"] != 0
     X, at = b["rhat_OV_N"][3 * j : 3 * j + 3], inside_of[3 * j : 3 * j + 3]
     c, x, y = coordinates(X, W, d)
-    on_course = leads_in(x, y)
+    on_course, held = leads_in(x, y), latched and dot(X, W) > 0.0
     if rules.inside != NOWHERE and dot(at, at) <= d * d:
         there = way_out(at, d, p) if rules.inside == OUT else abeam(at, W, d, p)
         if there and rules.inside == OUT:
             return abs(time_to(p, W, lateral)), True
         if not there:
             return -1.0, False
-    elif 0.0 < c < math.inf and (latched or threatens(b, s, rules, j, d, on_course, work)):
+    elif 0.0 < c < math.inf and (held or threatens(b, s, rules, j, d, on_course, work)):
         tangents(X, W, d, c, p, work[4])
         if rules.overlap:
             leave_overlap(b, rules, j, p, work[4])
