@@ -21,7 +21,7 @@ leaderboard: $(INSTALLED) ## fly every law and the shipped policy on the public 
 	@echo "The page is $(abspath $(PAGE))"
 
 test: $(INSTALLED) ## run the tests, then those of the kernels without compilation
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses auto --dist loadfile
 	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -m kernel
 
 check: $(INSTALLED) ## formatting, lint, types and import contracts
