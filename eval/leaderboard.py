@@ -31,7 +31,7 @@ class Options:
     """What to fly, how often, and where to write it."""
 
     env: str | None = None
-    """Gymnasium id; every registered environment if not given."""
+    """Gymnasium id; if not given, every environment in which all that is asked for can fly."""
     scenario: str | None = None
     """Named preset; the environment's first if not given."""
     policies: str | None = None
@@ -57,12 +57,7 @@ def run(options: Options) -> None:
     seeds = public_seeds(options.episodes)
     names = None if options.policies is None else _split(options.policies)
     _check_outputs(options)
-    scenes = [
-        plan_scene(
-            env, options.scenario, options.estimator, names, options.reference, options.trust
-        )
-        for env in ([options.env] if options.env else environment_files())
-    ]
+    scenes = _scenes(options, names)
     made = results.meta(PROGRAM, seeds)
     boards = make_boards(scenes, seeds, made)
     written = _write(options, boards, made)
@@ -71,6 +66,31 @@ def run(options: Options) -> None:
         tables.show(board, console)
     for path in written:
         console.print(f"written: {path}", soft_wrap=True, highlight=False)
+
+
+def _scenes(options: Options, names: Sequence[str] | None) -> list[Scene]:
+    """The scenes asked for: without an environment, all in which everything asked for can fly."""
+    asked = (options.scenario, options.estimator, names, options.reference)
+    envs = [options.env] if options.env else list(environment_files())
+    scenes: list[Scene] = []
+    errors: list[ValueError] = []
+    for env in envs:
+        try:
+            scene = plan_scene(env, *asked, options.trust)
+        except ValueError as error:
+            errors.append(error)
+            continue
+        if (
+            options.env
+            or names is None
+            or all(job.entry for job in scene.jobs if not job.told_truth)
+        ):
+            scenes.append(scene)
+    if errors and (not scenes or not any(asked)):
+        raise errors[0]
+    if not scenes:
+        raise ValueError(f"no environment can be flown by all of {options.policies}; write --env")
+    return scenes
 
 
 def make_boards(scenes: Sequence[Scene], seeds: Sequence[int], made: dict[str, Any]) -> list[Board]:

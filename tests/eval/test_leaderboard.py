@@ -375,3 +375,19 @@ def test_each_environment_has_a_reference_of_its_own():
     flying = {job.policy: job.entry is not None for job in scene.jobs}
     assert flying == {"zero": True, "lq": False, "straight": True}
     assert plan_scene(ENV, None, "ekf", ["zero"], "pn").reference == "pn"
+
+
+def test_without_an_environment_those_are_flown_in_which_all_can():
+    def flown(**options):
+        return [scene.task.id for scene in leaderboard._scenes(Options(**options), names)]
+
+    names = None
+    assert flown() == list(environment_files())
+    assert flown(scenario="thesis") == ["visenvs/Rendezvous-v0", "visenvs/Tracking2D-v0"]
+    names = ["lq", "ppo-lq"]
+    assert flown() == ["visenvs/Rendezvous-v0", "visenvs/Tracking2D-v0"]
+    names = ["straight"]
+    assert flown() == ["visenvs/BearingsOnly-v0"]
+    for names, message in ((["osaa"], "unknown policy 'osaa'"), (["lq", "straight"], "lq|--env")):
+        with pytest.raises(ValueError, match=message):
+            flown(policies=",".join(names))
