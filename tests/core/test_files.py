@@ -46,6 +46,11 @@ def test_numbers_that_json_does_not_know_become_null(tmp_path):
     assert content == {"1": [None, [None, 0.1]], "deep": {"x": None}}
 
 
+def test_a_class_becomes_its_name(tmp_path):
+    write_json(tmp_path / "a.json", {"error": KeyError})
+    assert read_json(tmp_path / "a.json") == {"error": "KeyError"}
+
+
 @pytest.mark.parametrize("content", [b"", b"{", b"\xff\xfe"])
 def test_a_broken_file_is_named_with_what_to_do(tmp_path, content):
     (tmp_path / "a.json").write_bytes(content)
