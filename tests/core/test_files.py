@@ -7,19 +7,7 @@ import math
 
 import pytest
 
-from visenvs.core.files import check_writable, read_json, replacing, write_json, write_text
-
-
-@pytest.mark.parametrize("error", [KeyboardInterrupt, OSError])
-def test_a_file_cut_short_leaves_the_older_one(tmp_path, error):
-    target = tmp_path / "a.gif"
-    target.write_bytes(b"older")
-    with pytest.raises(error), replacing(target) as path:
-        assert path.suffix == ".gif"  # those who write tell the format by it
-        path.write_bytes(b"half")
-        raise error
-    assert target.read_bytes() == b"older"
-    assert list(tmp_path.iterdir()) == [target]
+from visenvs.core.files import check_writable, read_json, write_json, write_text
 
 
 def test_a_whole_file_takes_the_place_of_the_older_one(tmp_path):

@@ -11,6 +11,7 @@ from agents.registry import load
 from eval import film
 from eval.film import Options, fly, run
 from visenvs.core.cli import guarded
+from visenvs.core.files import replacing
 from visenvs.core.registry import load_task
 from visenvs.render.rendezvous import draw
 
@@ -103,3 +104,14 @@ def test_without_ffmpeg_the_error_says_what_to_install(tmp_path, monkeypatch, ca
     assert guarded(lambda: run(Options(ENV, "lq", tmp_path / "a.mp4"))) == 1
     assert 'pip install "visenvs[video]"' in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, OSError])
+def test_a_film_cut_short_leaves_the_older_file(tmp_path, error):
+    target = tmp_path / "a.gif"
+    target.write_bytes(b"older")
+    with pytest.raises(error), replacing(target) as path:
+        path.write_bytes(b"half")
+        raise error
+    assert target.read_bytes() == b"older"
+    assert list(tmp_path.iterdir()) == [target]

@@ -27,6 +27,12 @@ def check_writable(path: Path) -> None:
         raise OSError(f"cannot write {path}: {error.strerror}") from error
 
 
+def write_text(path: Path, text: str) -> None:
+    """Write a file whole or not at all: to a temporary file that then takes its name."""
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
 @contextmanager
 def replacing(path: Path) -> Generator[Path]:
     """A temporary file beside `path` with the same suffix; it takes its name if all goes well."""
@@ -37,12 +43,6 @@ def replacing(path: Path) -> Generator[Path]:
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a file whole or not at all."""
-    with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
 
 
 def write_json(path: Path, content: Any) -> None:
