@@ -85,13 +85,13 @@ PRESETS: dict[tuple[str, Algo], Preset] = {
         ON_POLICY | {"n_steps": 150, "gamma": 0.99},
         SMALL | {"log_std_init": -0.5},
     ),
+    # whole flights of 400 steps
     ("visenvs/Avoidance-v0", "ppo"): Preset(
-        256,
-        ON_POLICY | {"n_steps": 400, "gae_lambda": 0.97, "batch_size": 6400},
-        SMALL | {"log_std_init": -2.5},
-        sets=64,
+        128,
+        ON_POLICY | {"n_steps": 400, "gae_lambda": 0.97, "batch_size": 5120, "n_epochs": 5},
+        SMALL | {"log_std_init": -2.0},
+        sets=48,
         residual_scale=0.5,
-        reward_floor=-20.0,
         unit=10.0,
     ),
 }

@@ -56,6 +56,8 @@ class Options:
     """preset of the environment; its default if left out"""
     estimator: str | None = None
     """the filter in the loop; the scenario's if left out"""
+    observation: str | None = None
+    """what a row tells, where the environment offers a choice; the scenario's if left out"""
     steps: int = 3_000_000
     """environment steps in total"""
     seed: int = 0
@@ -77,8 +79,9 @@ def train(options: Options) -> None:
     task = load_task(options.env)
     scenario = options.scenario or next(iter(task.scenarios))
     config = pick("scenario", scenario, task.scenarios)
-    if options.estimator is not None:
-        config = override(config, {"estimator": options.estimator})
+    asked = {"estimator": options.estimator, "observation": options.observation}
+    config = override(config, {name: value for name, value in asked.items() if value is not None})
+    task = task.under(config)
     run = open_run(options, task, scenario, config)
     preset = preset_for(options.env, options.algo)
     lanes, validation = build_lanes(options, preset, task, config, run["sessions"])

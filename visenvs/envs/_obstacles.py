@@ -40,6 +40,7 @@ WORK = np.dtype(
         ("C", "f8", (3, 3)),
         ("u", "f8", (3,)),
         ("moved", "f8", (3,)),
+        ("cone", "f8", (2, 3)),
         ("seen", "f8", (SIGHTINGS, 2)),
         ("labels", "f8", (SIGHTINGS,)),
         ("priors", "f8", (SIGHTINGS, 2)),
