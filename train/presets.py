@@ -88,10 +88,10 @@ PRESETS: dict[tuple[str, Algo], Preset] = {
     # whole flights of 400 steps
     ("visenvs/Avoidance-v0", "ppo"): Preset(
         128,
-        ON_POLICY | {"n_steps": 400, "gae_lambda": 0.97, "batch_size": 5120, "n_epochs": 5},
+        ON_POLICY | {"n_steps": 400, "batch_size": 5120, "n_epochs": 3, "learning_rate": 7e-4},
         SMALL | {"log_std_init": -2.0},
-        sets=48,
-        residual_scale=0.5,
+        sets=32,
+        residual_scale=0.3,
         unit=10.0,
     ),
 }
