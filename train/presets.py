@@ -85,11 +85,20 @@ PRESETS: dict[tuple[str, Algo], Preset] = {
         ON_POLICY | {"n_steps": 150, "gamma": 0.99},
         SMALL | {"log_std_init": -0.5},
     ),
-    # whole flights of 400 steps
+    # whole flights of 400 steps; a push held for a second moves the vehicle, noise at every step
+    # only costs (generalised state-dependent exploration, Raffin et al. 2021)
     ("visenvs/Avoidance-v0", "ppo"): Preset(
         128,
-        ON_POLICY | {"n_steps": 400, "batch_size": 5120, "n_epochs": 3, "learning_rate": 7e-4},
-        SMALL | {"log_std_init": -2.0},
+        ON_POLICY
+        | {
+            "n_steps": 400,
+            "batch_size": 5120,
+            "n_epochs": 3,
+            "learning_rate": 7e-4,
+            "use_sde": True,
+            "sde_sample_freq": 20,
+        },
+        SMALL | {"log_std_init": -3.0},
         sets=32,
         residual_scale=0.3,
         unit=10.0,
