@@ -19,11 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visenvs.core.lanes import Task
-from visenvs.core.layout import Layout
+from visenvs.core.layout import Choices, Layout
 
-from .policy import Policy, Rows, State
+from .policy import Actions, Policy, Rows, State
 
-# the layer that reads the observation tells the algorithm; recurrent PPO also has plain PPO's
+# The layer that reads the observation tells the algorithm; recurrent PPO also has plain PPO's.
+# Maskable PPO's network is plain PPO's: that actions are choices tells.
 FIRST_LAYER = {
     "sac": "actor.latent_pi.0.weight",
     "td3": "actor.mu.0.weight",
@@ -32,6 +33,7 @@ FIRST_LAYER = {
 }
 SETS = "features_extractor.encoder."  # our own, see `sets.py`
 CARD = ("information", "algo", "residual", "steps")  # what is read of it besides its sha256
+RESIDUAL = {"law", "scale"}
 ACTIVATIONS = ("Tanh", "ReLU", "ELU", "LeakyReLU", "SiLU", "GELU")
 
 
@@ -51,10 +53,11 @@ class Residual:
 
 
 class LearnedPolicy:
-    """A network, alone or as a residual on a law."""
+    """A network, alone or as a residual on a law; among choices, it is told which may be taken."""
 
-    def __init__(self, network: Any, residual: Residual | None = None) -> None:
+    def __init__(self, network: Any, task: Task, residual: Residual | None = None) -> None:
         self._network = network
+        self._task = task
         self._residual = residual
 
     def predict(
@@ -63,9 +66,13 @@ class LearnedPolicy:
         state: State | None = None,
         episode_start: NDArray[np.bool_] | None = None,
         deterministic: bool = True,
-    ) -> tuple[Rows, State | None]:
+    ) -> tuple[Actions, State | None]:
         """Actions of the network, plus the law's where it is a residual."""
-        action, state = self._network.predict(observation, state, episode_start, deterministic)
+        choices, told = self._task.action, (observation, state, episode_start, deterministic)
+        if isinstance(choices, Choices):
+            allowed = choices.allowed(observation, self._task.observation)
+            return self._network.predict(*told, action_masks=allowed)
+        action, state = self._network.predict(*told)
         if self._residual is not None:
             action = self._residual.combine(observation, action)
         return np.clip(action, -1.0, 1.0), state
@@ -109,6 +116,11 @@ def read_card(model: Path) -> dict[str, Any]:
         raise ValueError(
             f"{path} does not say {', '.join(lacking)}; expected what `python -m train.sb3` writes"
         )
+    residual = card["residual"]
+    if residual is not None and not (isinstance(residual, dict) and set(residual) == RESIDUAL):
+        raise ValueError(
+            f'{path}: residual must be null or {{"law": NAME, "scale": NUMBER}}, got {residual!r}'
+        )
     return card
 
 
@@ -127,13 +139,24 @@ def load_network(path: Path, task: Task, trust: bool = False) -> Any:
     weights, data = _read_zip(path)
     algo = _algorithm(path, weights)
     if trust:
-        network = _algorithm_class(algo).load(path, device="cpu").policy
+        masked = algo == "ppo" and isinstance(task.action, Choices)
+        algo = "maskable_ppo" if masked else algo
+        network = _unpickled(path, algo)
     else:
         network = _rebuild(_architecture(path, algo, weights, data), weights, task, path)
     if network.observation_space.shape != task.observation.space.shape:
         raise _wrong_space(path, task, network.observation_space.shape[0])
     network.set_training_mode(False)
     return network
+
+
+def _unpickled(path: Path, algo: str) -> Any:
+    try:
+        return _algorithm_class(algo).load(path, device="cpu").policy
+    except Exception as error:  # the file's own code runs
+        raise ValueError(
+            f"{path} cannot be loaded, even with --trust: {type(error).__name__}: {error}"
+        ) from error
 
 
 def _read_zip(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -220,7 +243,8 @@ def _rebuild(arch: Architecture, weights: dict[str, Any], task: Task, path: Path
         }
     if "log_std" in weights and weights["log_std"].ndim == 2:
         kwargs["use_sde"] = True  # exploration that depends on the state
-    policy_class = _algorithm_class(arch.algo).policy_aliases[
+    algo = "maskable_ppo" if isinstance(task.action, Choices) else arch.algo
+    policy_class = _algorithm_class(algo).policy_aliases[
         "MlpLstmPolicy" if arch.lstm else "MlpPolicy"
     ]
     spaces = task.observation.space, task.action.space
@@ -257,9 +281,10 @@ def _no_training(_left: float) -> float:
 
 def _algorithm_class(algo: str) -> Any:
     import stable_baselines3
-    from sb3_contrib import RecurrentPPO
+    from sb3_contrib import MaskablePPO, RecurrentPPO
 
     classes = {
+        "maskable_ppo": MaskablePPO,
         "ppo": stable_baselines3.PPO,
         "sac": stable_baselines3.SAC,
         "td3": stable_baselines3.TD3,

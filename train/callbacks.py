@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from sb3_contrib import MaskablePPO
+from sb3_contrib.common.maskable.evaluation import evaluate_policy as evaluate_masked
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
+from visenvs.core.files import replacing
+
 from .vec_env import LaneVecEnv
-
-
-def save_whole(save: Callable[[Path], None], path: Path) -> None:
-    """Save under a temporary name, then rename."""
-    temporary = path.with_name(f".{path.stem}.tmp{path.suffix}")
-    save(temporary)
-    os.replace(temporary, path)
 
 
 class Keeper(BaseCallback):
@@ -68,7 +64,8 @@ class Keeper(BaseCallback):
         for name, value in found.items():
             self.logger.record(f"validation/{name}", value)
         if self.best is None or found["cost_mean"] < self.best["cost_mean"]:
-            save_whole(self.model.save, self._out / "model.zip")
+            with replacing(self._out / "model.zip") as path:
+                self.model.save(path)
             self.best = {**found, "steps": self.num_timesteps}
             self._note(self.best)
         checkpoint(self.model, self._out)
@@ -82,7 +79,8 @@ def validate(model: BaseAlgorithm, lanes: LaneVecEnv) -> dict[str, float]:
         if local["done"]:
             won.append(local["info"]["is_success"])
 
-    returns, _ = evaluate_policy(
+    evaluate: Any = evaluate_masked if isinstance(model, MaskablePPO) else evaluate_policy
+    returns, _ = evaluate(
         model,
         lanes,
         n_eval_episodes=lanes.num_envs,
@@ -103,5 +101,7 @@ def validate(model: BaseAlgorithm, lanes: LaneVecEnv) -> dict[str, float]:
 def checkpoint(model: BaseAlgorithm, out: Path) -> None:
     """Everything that is needed to go on: the model and, off policy, its replay buffer."""
     if isinstance(model, OffPolicyAlgorithm):
-        save_whole(model.save_replay_buffer, out / "replay.pkl")
-    save_whole(model.save, out / "checkpoint.zip")
+        with replacing(out / "replay.pkl") as path:
+            model.save_replay_buffer(path)
+    with replacing(out / "checkpoint.zip") as path:
+        model.save(path)

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from sb3_contrib import RecurrentPPO
+from sb3_contrib import MaskablePPO, RecurrentPPO
 from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.utils import set_random_seed
@@ -23,6 +23,7 @@ from visenvs.core.cli import launch
 from visenvs.core.config import Config, override, pick, to_json
 from visenvs.core.files import read_json, write_json
 from visenvs.core.lanes import Task
+from visenvs.core.layout import Choices
 from visenvs.core.provenance import provenance
 from visenvs.core.registry import load_task
 
@@ -36,6 +37,7 @@ ALGORITHMS: dict[str, type[BaseAlgorithm]] = {
     "sac": SAC,
     "td3": TD3,
     "recurrent_ppo": RecurrentPPO,
+    "maskable_ppo": MaskablePPO,
 }
 POLICIES = {"recurrent_ppo": "MlpLstmPolicy"}
 TRAINING_SEEDS = 90_000
@@ -72,7 +74,7 @@ class Options:
     """steps between validations and checkpoints"""
 
 
-def train(options: Options) -> None:
+def train(options: Options, preset: Preset | None = None) -> None:
     """Train a policy with stable-baselines3; the same command goes on with an interrupted run."""
     check(options)
     torch.set_num_threads(1)  # two threads are eight times slower on two cores
@@ -82,8 +84,9 @@ def train(options: Options) -> None:
     asked = {"estimator": options.estimator, "observation": options.observation}
     config = override(config, {name: value for name, value in asked.items() if value is not None})
     task = task.under(config)
+    check_action(options, task)
     run = open_run(options, task, scenario, config)
-    preset = preset_for(options.env, options.algo)
+    preset = preset or preset_for(options.env, options.algo)
     lanes, validation = build_lanes(options, preset, task, config, run["sessions"])
     model = build_model(options, preset, lanes)
     options.out.mkdir(parents=True, exist_ok=True)
@@ -145,6 +148,20 @@ def check(options: Options) -> None:
         )
     if options.seed < 0:
         raise ValueError(f"the seed must not be negative, got {options.seed}")
+
+
+def check_action(options: Options, task: Task) -> None:
+    """Refuse an algorithm that cannot make this task's kind of decision."""
+    chooses = isinstance(task.action, Choices)
+    if chooses != (options.algo == "maskable_ppo"):
+        what = "choices, some of which may be forbidden" if chooses else "numbers in [-1, 1]"
+        able = "maskable_ppo" if chooses else "ppo"
+        raise ValueError(
+            f"the actions of {task.id} are {what}: {options.algo} cannot learn them; "
+            f"write --algo {able}"
+        )
+    if chooses and options.residual is not None:
+        raise ValueError(f"a choice cannot be corrected: {task.id} takes no --residual")
 
 
 def open_run(options: Options, task: Task, scenario: str, config: Config) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import gymnasium
 
 import visenvs  # noqa: F401  registers the environments
 
-from . import ENV_ID, Budget, Portion, Row, race, row
+from . import ENV_ID, SEEDS, Budget, Portion, Row, race, row
 
 GROUP = "faces"
 WANTS = (
@@ -41,7 +41,7 @@ def single(env_id: str, **settings: Any) -> Portion:
     env = gymnasium.make(env_id, **settings)
     env.action_space.seed(0)
     actions = [env.action_space.sample() for _ in range(STEPS)]
-    env.reset(seed=0)
+    env.reset(seed=SEEDS[0])
 
     def portion() -> int:
         for action in actions:
@@ -58,7 +58,7 @@ def vector(env_id: str, lanes: int, **settings: Any) -> Portion:
     envs = gymnasium.make_vec(env_id, lanes, vectorization_mode="vector_entry_point", **settings)
     envs.action_space.seed(0)
     actions = [envs.action_space.sample() for _ in range(STEPS)]
-    envs.reset(seed=0)
+    envs.reset(seed=SEEDS[0])
 
     def portion() -> int:
         for action in actions:
