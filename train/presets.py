@@ -97,15 +97,15 @@ PRESETS: dict[tuple[str, Algo], Preset] = {
         | {
             "n_steps": 400,
             "batch_size": 5120,
-            "n_epochs": 3,
-            "learning_rate": 7e-4,
+            "n_epochs": 4,
+            "gamma": 0.998,
             "use_sde": True,
             "sde_sample_freq": 20,
         },
-        SMALL | {"log_std_init": -3.0},
-        sets=32,
+        {"net_arch": [32, 32], "log_std_init": -3.0},
+        sets=24,
         residual_scale=0.3,
-        unit=10.0,
+        reward_floor=-1.0,
     ),
 }
 
