@@ -110,7 +110,7 @@ def test_behind_the_spheres_it_is_what_the_last_step_will_charge():
     lanes.step(np.zeros((20, 3), np.float32))
     assert lanes.done.all()
     assert lanes.rewards == pytest.approx(promised, rel=1e-6)
-    assert lanes.records["cost_divergence"].max() > 10.0
+    assert lanes.records["cost_divergence"].max() > 1.0
 
 
 def test_a_straight_flight_keeps_its_passages_in_mind():
