@@ -262,6 +262,8 @@ def _rebuild(arch: Architecture, weights: dict[str, Any], task: Task, path: Path
             "lstm_hidden_size": arch.lstm,
             "enable_critic_lstm": "lstm_critic.weight_ih_l0" in weights,
         }
+    if "log_std" in weights and weights["log_std"].ndim == 2:
+        kwargs["use_sde"] = True  # exploration that depends on the state
     algo = "maskable_ppo" if isinstance(task.action, Choices) else arch.algo
     policy_class = _algorithm_class(algo).policy_aliases[
         "MlpLstmPolicy" if arch.lstm else "MlpPolicy"

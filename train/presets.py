@@ -89,14 +89,24 @@ PRESETS: dict[tuple[str, Algo], Preset] = {
         ON_POLICY | {"n_steps": 150, "gamma": 0.99},
         SMALL | {"log_std_init": -0.5},
     ),
+    # whole flights of 400 steps; a push held for a second moves the vehicle, noise at every step
+    # only costs (generalised state-dependent exploration, Raffin et al. 2021)
     ("visenvs/Avoidance-v0", "ppo"): Preset(
-        256,
-        ON_POLICY | {"n_steps": 400, "gae_lambda": 0.97, "batch_size": 6400},
-        SMALL | {"log_std_init": -2.5},
-        sets=64,
-        residual_scale=0.5,
-        reward_floor=-20.0,
-        unit=10.0,
+        128,
+        ON_POLICY
+        | {
+            "n_steps": 400,
+            "batch_size": 5120,
+            "n_epochs": 4,
+            "learning_rate": 4e-4,
+            "gamma": 0.998,
+            "use_sde": True,
+            "sde_sample_freq": 20,
+        },
+        {"net_arch": [32, 32], "log_std_init": -3.0},
+        sets=24,
+        residual_scale=0.15,
+        reward_floor=-1.0,
     ),
 }
 

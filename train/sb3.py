@@ -58,6 +58,8 @@ class Options:
     """preset of the environment; its default if left out"""
     estimator: str | None = None
     """the filter in the loop; the scenario's if left out"""
+    observation: str | None = None
+    """what a row tells, where the environment offers a choice; the scenario's if left out"""
     steps: int = 3_000_000
     """environment steps in total"""
     seed: int = 0
@@ -79,9 +81,10 @@ def train(options: Options, preset: Preset | None = None) -> None:
     task = load_task(options.env)
     scenario = options.scenario or next(iter(task.scenarios))
     config = pick("scenario", scenario, task.scenarios)
-    if options.estimator is not None:
-        config = override(config, {"estimator": options.estimator})
-    check_action(options, task.under(config))
+    asked = {"estimator": options.estimator, "observation": options.observation}
+    config = override(config, {name: value for name, value in asked.items() if value is not None})
+    task = task.under(config)
+    check_action(options, task)
     run = open_run(options, task, scenario, config)
     preset = preset or preset_for(options.env, options.algo)
     lanes, validation = build_lanes(options, preset, task, config, run["sessions"])
