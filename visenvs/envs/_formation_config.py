@@ -158,6 +158,8 @@ RANDOM = FormationConfig(
 # The MURI research airplanes of thesis 2.3.2 (table 1 has the others); its commands are a picture
 STRAIGHT = FormationConfig(
     t_f=130.0,
+    sd_lat=0.0,
+    q_lat=0.0,
     speed=(100 * FOOT, 100 * FOOT),
     wingspan=15.7 * FOOT,
     offset=(100 * FOOT, 0.0, -20 * FOOT),

@@ -160,12 +160,11 @@ def point(lane, cfg, r):
 def look(lane, cfg, work):
     """Take an image, if there is one, and give it to the filter."""
     seed, episode, step, r = lane["seed"], lane["episode"], lane["step"], work["r"]
-    lane["link"] = linked(
-        lane["link"], step * cfg["dt"], lane["blackout"], cfg, seed, episode, CAMERA, step,
-        lane["agent"],
-    )  # fmt: skip
+    t, dark = step * cfg["dt"], lane["blackout"]
+    lane["link"] = linked(lane["link"], cfg, seed, episode, CAMERA, step, lane["agent"])
     point(lane, cfg, r)
     seen = lane["link"] > 0.0 and in_view(r, lane["heading"], cfg)
+    seen = seen and not dark[0] <= t < dark[0] + dark[1]
     lane["seen"] = 1.0 if seen else 0.0
     lane["age"] = 0.0 if seen else lane["age"] + cfg["dt"]
     for i in range(3):

@@ -25,18 +25,16 @@ NEAREST = 0.1  # of the depth, m
 
 
 @kernel
-def linked(was, t, blackout, cfg, seed, episode, stream, step, agent):
-    """1 where the image processor works at time t (s): a Markov chain, but for one blackout.
+def linked(was, cfg, seed, episode, stream, step, agent):
+    """1 where the image processor holds on to the leader: a Markov chain from image to image.
 
     Args:
-        was: whether it worked at the last image.
-        blackout: its start and length, s.
+        was: whether it did at the last image.
         cfg: record with p_lose and p_regain, chances from one image to the next.
     """
     change = uniform(seed, episode, stream, step, DRAWS * agent + DROPOUT)
-    works = change >= cfg["p_lose"] if was > 0.0 else change < cfg["p_regain"]
-    dark = t >= blackout[0] and t < blackout[0] + blackout[1]
-    return 1.0 if works and not dark else 0.0
+    holds = change >= cfg["p_lose"] if was > 0.0 else change < cfg["p_regain"]
+    return 1.0 if holds else 0.0
 
 
 @kernel
