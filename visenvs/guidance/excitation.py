@@ -17,13 +17,21 @@ have to be put apart.
 from __future__ import annotations
 
 import math
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from visenvs.core.compile import kernel
+from visenvs.core.registry import Law
+from visenvs.guidance.formation import GENTLE, NEEDS, track_path
 
 CONJUGATE = 4.730040744862704  # least positive root of cos z cosh z = 1
+# relative uncertainty of the range that is worth the whole manoeuvre, and the least share of it
+FULL, LEAST = 0.1, 0.1
+# places in a row's memory: time, s; when the segment began, s; its ends, m; its frequency, rad/s
+CLOCK, BEGAN, START, END, FREQUENCY, MEMORY = range(6)
 
 
 def check_segment(sigma: float, weight: float, duration: float) -> float:
@@ -115,3 +123,102 @@ def follow_sine(amplitude, period, t, out):
     out[0] = amplitude * math.sin(w * t)
     out[1] = amplitude * w * math.cos(w * t)
     out[2] = -w * w * out[0]
+
+
+@kernel
+def next_segment(memory, belief, settings, scheduled):
+    """Choose the end of a new segment and its frequency, from where the last one ended.
+
+    The ends lie in turn to the left and right of the offset, and on it outside the window. A
+    schedule shortens them and lightens the manoeuvre where the range is well known already.
+    """
+    share = 1.0
+    if scheduled:
+        share = min(max(belief["sd_log_range"] / FULL, LEAST), 1.0)
+    began = memory[CLOCK]
+    memory[BEGAN], memory[START] = began, memory[END]
+    memory[END] = 0.0
+    window, rest = settings["meander_window"], 0.5 * settings["dt"]
+    if began > window[0] - rest and began < window[1] - settings["meander_segment"] - rest:
+        side = -1.0 if memory[START] > 0.0 else 1.0
+        memory[END] = side * share * settings["meander_reach"]
+    weight = settings["meander_weight"] / (share * share)
+    memory[FREQUENCY] = 1.0 / math.sqrt(settings["sigma_image"] * weight)
+
+
+@kernel
+def meander(scheduled, beliefs, settings, memory, commands):
+    """Track optimal segments from one side of the offset to the other."""
+    M, path, w = np.zeros((4, 5)), np.zeros(3), np.zeros((3, 3))
+    s = settings[0]
+    for i in range(beliefs.shape[0]):
+        m = memory[i]
+        if m[FREQUENCY] == 0.0 or m[CLOCK] - m[BEGAN] > s["meander_segment"] - 0.5 * s["dt"]:
+            next_segment(m, beliefs[i], s, scheduled)
+        t = m[CLOCK] - m[BEGAN]
+        follow_path(m[START], 0.0, m[END], 0.0, s["meander_segment"], m[FREQUENCY], t, M, path)
+        track_beside(beliefs[i], path, w, commands[i])
+        m[CLOCK] += s["dt"]
+
+
+@kernel
+def weave(beliefs, settings, memory, commands):
+    """Track a sine about the offset, whose half period is a segment."""
+    path, w, s = np.zeros(3), np.zeros((3, 3)), settings[0]
+    window = s["meander_window"]
+    for i in range(beliefs.shape[0]):
+        m, rest = memory[i], 0.5 * s["dt"]
+        t = m[CLOCK] - window[0]
+        if t > -rest and m[CLOCK] < window[1] - rest:
+            follow_sine(s["meander_reach"], 2.0 * s["meander_segment"], t, path)
+        else:
+            path[0] = path[1] = path[2] = 0.0
+        track_beside(beliefs[i], path, w, commands[i])
+        m[CLOCK] += s["dt"]
+
+
+@kernel
+def track_beside(belief, path, w, out):
+    """Track the offset moved to the right by path = (Y, dY/dt, d2Y/dt2); w is scratch, (3, 3)."""
+    for j in range(3):
+        w[0, j] = belief["offset_F"][j]
+        w[1, j] = w[2, j] = 0.0
+    w[0, 1] += path[0]
+    w[1, 1], w[2, 1] = path[1], path[2]
+    track_path(belief, belief["ahat_L_F"], GENTLE[0], GENTLE[1], w[0], w[1], w[2], out)
+
+
+def _remembers(_settings: Any, _size: int) -> int:
+    return MEMORY
+
+
+SETTINGS = ("a_max", "dt", "meander_reach", "meander_segment", "meander_window")
+LAWS = (
+    Law(
+        name="follow-optimal",
+        summary="follow, meandering along paths that are optimal for the range",
+        source="tracking paper (20)-(27)",
+        needs=NEEDS,
+        settings=(*SETTINGS, "meander_weight", "sigma_image"),
+        decide=partial(meander, False),
+        memory=_remembers,
+    ),
+    Law(
+        name="follow-scheduled",
+        summary="the same, as much as the range's uncertainty asks for",
+        source="tracking paper, section 4: K_y scheduled on the range variance",
+        needs=(*NEEDS, "sd_log_range"),
+        settings=(*SETTINGS, "meander_weight", "sigma_image"),
+        decide=partial(meander, True),
+        memory=_remembers,
+    ),
+    Law(
+        name="follow-sine",
+        summary="follow, on a sine about the offset",
+        source="baseline to the tracking paper's section 4",
+        needs=NEEDS,
+        settings=SETTINGS,
+        decide=weave,
+        memory=_remembers,
+    ),
+)
