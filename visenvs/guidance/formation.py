@@ -71,15 +71,20 @@ def follow_turning(kp, kd, beliefs, settings, commands):
 
 @kernel
 def follow_headway(kp, kd, headway, beliefs, settings, commands):
-    """Track an offset that grows ahead with the own speed, by `headway` seconds of it."""
-    c, rate, still = np.zeros(3), np.zeros(3), np.zeros(3)
+    """Track an offset that grows ahead with the own speed, by `headway` seconds of it.
+
+    Its rate is `headway` times the own acceleration ahead, which the command itself decides on.
+    """
+    c, still = np.zeros(3), np.zeros(3)
+    usual = 0.5 * (settings[0]["speed"][0] + settings[0]["speed"][1])
     for i in range(beliefs.shape[0]):
         belief = beliefs[i]
         for j in range(3):
             c[j] = belief["offset_F"][j]
-        c[0] += headway * (belief["v_V_F"][0] - settings[0]["speed"])
-        rate[0] = headway * belief["a_V_F"][0]
-        track_path(belief, belief["ahat_L_F"], kp, kd, c, rate, still, commands[i])
+        c[0] += headway * (belief["v_V_F"][0] - usual)
+        track_path(belief, belief["ahat_L_F"], kp, kd, c, still, still, commands[i])
+        commands[i, 0] /= 1.0 + kd * headway
+        commands[i, 1] -= 2.0 * belief["offset_rate"] * headway * commands[i, 0]
 
 
 def headway_law(seconds: str) -> Law:
@@ -88,7 +93,7 @@ def headway_law(seconds: str) -> Law:
         name=f"follow-headway-{seconds}",
         summary=f"follow, with {seconds} s more room per speed: for chains",
         source="string stability by headway (Swaroop and Hedrick 1999)",
-        needs=(*NEEDS, "v_V_F", "a_V_F"),
+        needs=(*NEEDS, "v_V_F"),
         settings=("a_max", "speed"),
         decide=partial(follow_headway, *CLOSE, float(seconds)),
     )
