@@ -19,7 +19,9 @@ The kernels below hand each of them to the filter that `cfg["estimator"]` names.
     leader     LEADER record, the truth, for perfect information only
     cfg        record with dt (s); sigma_image (rad), the noise of every image point; sd_size and
                sd_range, relative uncertainty of what was told; sd_velocity (m/s); sd_lat, sd_up
-               (m/s^2) and the process noise q_a (m^2/s^3), q_lat, q_up (m^2/s^5)
+               (m/s^2) and the process noise q_a (m^2/s^3), q_lat, q_up (m^2/s^5); q_velocity
+               (m^2/s^3), q_jerk (m^2/s^5), singer_rate (1/s), adapt_gain (1/s) and adapt_decay
+               (s^2/m) of the adaptive filters
     work       SCRATCH record
 
 To add a filter: its name in ESTIMATORS, its records in TRACK and SCRATCH, its line in each kernel.
@@ -30,13 +32,13 @@ from __future__ import annotations
 import numpy as np
 
 from visenvs.core.compile import kernel
-from visenvs.estimation import cartesian, polar
+from visenvs.estimation import adaptive, cartesian, polar
 
 SUBSTEPS = 5  # inner steps of a period
 
 # the order of the codes
-ESTIMATORS = ("ekf", "ekf-log", "ekf-natural", "cartesian", "ukf", "truth")
-EKF, EKF_LOG, EKF_NATURAL, CARTESIAN, UKF, TRUTH = range(len(ESTIMATORS))
+ESTIMATORS = ("ekf", "ekf-log", "ekf-natural", "cartesian", "ukf", "truth", *adaptive.KINDS)
+EKF, EKF_LOG, EKF_NATURAL, CARTESIAN, UKF, TRUTH, ADAPTIVE = range(7)  # and more beyond the last
 
 SIGHT = np.dtype([
     ("u_N", "f8", (3,)),  # measured direction of the leader's centre, a unit vector
@@ -55,8 +57,10 @@ LEADER = np.dtype([
     ("r_N", "f8", (3,)), ("v_N", "f8", (3,)), ("a_N", "f8", (3,)),
     ("wingspan", "f8"),  # m
 ])  # fmt: skip
-TRACK = np.dtype([("polar", polar.TRACK), ("cartesian", cartesian.TRACK)])
-SCRATCH = np.dtype([("polar", polar.SCRATCH), ("cartesian", cartesian.SCRATCH)])
+TRACK = np.dtype([("polar", polar.TRACK), ("cartesian", cartesian.TRACK),
+                  ("adaptive", adaptive.TRACK)])  # fmt: skip
+SCRATCH = np.dtype([("polar", polar.SCRATCH), ("cartesian", cartesian.SCRATCH),
+                    ("adaptive", adaptive.SCRATCH)])  # fmt: skip
 
 
 @kernel
@@ -67,6 +71,8 @@ def begin(track, own, sight, cfg, work):
         polar.begin(track["polar"], own, sight, kind == EKF_NATURAL, cfg)
     elif kind == CARTESIAN or kind == UKF:
         cartesian.begin(track["cartesian"], own, sight, cfg, work["cartesian"])
+    elif kind >= ADAPTIVE:
+        adaptive.begin(track["adaptive"], kind - ADAPTIVE, own, sight, cfg, work["adaptive"])
 
 
 @kernel
@@ -79,6 +85,8 @@ def predict(track, own, cfg, work):
         cartesian.predict_extended(track["cartesian"], own, cfg, work["cartesian"])
     elif kind == UKF:
         cartesian.predict_unscented(track["cartesian"], own, cfg, work["cartesian"])
+    elif kind >= ADAPTIVE:
+        adaptive.predict(track["adaptive"], kind - ADAPTIVE, cfg)
 
 
 @kernel
@@ -92,6 +100,9 @@ def update(track, own, sight, belief, cfg, work):
         cartesian.update_extended(track["cartesian"], sight, belief, cfg, work["cartesian"])
     elif kind == UKF:
         cartesian.update_unscented(track["cartesian"], sight, belief, cfg, work["cartesian"])
+    elif kind >= ADAPTIVE:
+        f, w = track["adaptive"], work["adaptive"]
+        adaptive.update(f, kind - ADAPTIVE, own, sight, belief, cfg, w)
 
 
 @kernel
@@ -102,6 +113,8 @@ def describe(track, own, leader, belief, cfg, work):
         reveal(own, leader, belief)
     elif kind <= EKF_NATURAL:
         polar.describe(track["polar"], own, kind == EKF_NATURAL, belief, work["polar"])
+    elif kind >= ADAPTIVE:
+        adaptive.describe(track["adaptive"], own, belief)
     else:
         cartesian.describe(track["cartesian"], own, belief)
 
