@@ -18,8 +18,20 @@ class FormationConfig:
     """Everything that defines a formation flight, SI and radians."""
 
     # polar with the wingspan as a consider parameter, polar by logarithms, the thesis's own; the
-    # UKF paper's nine states, extended and unscented
-    estimator: Literal["ekf", "ekf-log", "ekf-natural", "cartesian", "ukf", "truth"] = "ekf"
+    # UKF paper's nine states, extended and unscented; the tracking paper's, see `adaptive`
+    estimator: Literal[
+        "ekf",
+        "ekf-log",
+        "ekf-natural",
+        "cartesian",
+        "ukf",
+        "truth",
+        "kf",
+        "kf-nn",
+        "kf-nn-velocity",
+        "kf-integrator",
+        "kf-singer",
+    ] = "ekf"
     followers: int = 1  # so many vehicles in a team, one record each
     # whom they follow: `chain` the one before; `v` the one before on the same side of the leader
     formation: Literal["chain", "v"] = "chain"
@@ -81,8 +93,18 @@ class FormationConfig:
     q_a: float = 0.1 * FOOT**2  # white acceleration of the leader, m^2/s^3
     q_lat: float = 0.04 * FOOT**2  # drift of a_lat, m^2/s^5
     q_up: float = 0.04 * FOOT**2
+    q_velocity: float = 1.0 * FOOT**2  # white acceleration that the "kf" filters assume, m^2/s^3
+    q_jerk: float = 4.0 * FOOT**2  # of "kf-singer": noise of its acceleration, m^2/s^5
+    singer_rate: float = 0.1  # and its decay, 1/s
+    adapt_gain: float = 0.1  # of the network's weights, 1/s
+    adapt_decay: float = 0.1  # their e-modification
     vision: Two = (0.0, 0.0)  # from the truth to the estimate between these times, s
     score_from: float = 20.0  # estimation errors count from here, s
+    # what the meandering laws are told; the task itself does not use it
+    meander_reach: float = 10 * FOOT  # to either side of the offset, m
+    meander_segment: float = 10.0  # from one side to the other, s
+    meander_weight: float = 2834.0  # of the range information against effort, s^2
+    meander_window: Two = (0.0, 1e9)  # from when to when, s
 
     def __post_init__(self) -> None:
         validate(self)
@@ -131,6 +153,15 @@ class FormationConfig:
             q_a=self.q_a >= 0,
             q_lat=self.q_lat >= 0,
             q_up=self.q_up >= 0,
+            q_velocity=self.q_velocity > 0,
+            q_jerk=self.q_jerk > 0,
+            singer_rate=self.singer_rate >= 0,
+            adapt_gain=self.adapt_gain >= 0,
+            adapt_decay=self.adapt_decay >= 0,
+            meander_reach=self.meander_reach >= 0,
+            meander_segment=self.meander_segment > 0,
+            meander_weight=self.meander_weight > 0,
+            meander_window=0 <= self.meander_window[0] <= self.meander_window[1],
             vision=0 <= self.vision[0] <= self.vision[1],
             score_from=self.score_from >= 0,
         )

@@ -337,6 +337,11 @@ def step_lanes(lanes, actions, config):
         step_team(lanes, actions, i, team, config[0], work[0])
 
 
+def team_of(config: FormationConfig) -> int:
+    """How many lanes fly together."""
+    return config.followers
+
+
 TASK = Task(
     id=ENV_ID,
     summary="keep a place behind a leader that one camera sees",
@@ -357,6 +362,7 @@ TASK = Task(
     },
     reset_lanes=reset_lanes,
     step_lanes=step_lanes,
+    team=team_of,
     reference="follow",
     shown=("tracking_rms", "t_kept"),
 )
