@@ -214,9 +214,7 @@ SCENARIOS = {
     "straight": STRAIGHT,
     "gtmax": GTMAX,
     # The GTYak behind the GTEdge; [800 -20] in the tracking paper is [80 0 -20]
-    "gtyak": replace(
-        GTMAX, speed=(75 * FOOT, 75 * FOOT), offset=(80 * FOOT, 0.0, -20 * FOOT)
-    ),
+    "gtyak": replace(GTMAX, speed=(75 * FOOT, 75 * FOOT), offset=(80 * FOOT, 0.0, -20 * FOOT)),
     # Bearings alone, tracking paper section 4: closer by half at t = 10 s
     "bearing-only": FormationConfig(
         t_f=90.0,
@@ -250,4 +248,3 @@ SCENARIOS = {
         RANDOM, followers=5, formation="v", offset=(30.0, -8.0, 0.0), offset_drawn=(4.0, 3.0, 3.0)
     ),
 }
-
