@@ -11,12 +11,12 @@ import math
 
 from visenvs.core.compile import kernel
 from visenvs.core.noise import normal, normal_pair, uniform, uniform_pair
-from visenvs.dynamics.leader import accelerate, sway, turn_rate
+from visenvs.dynamics.leader import PROFILES, accelerate, sway, turn_rate
 from visenvs.envs._formation_config import DRAWN, V_FORMATION
 
 PLACE, AGENTS = 0, 1  # noise streams: of the leader, which a team shares, and of each follower
 DRAWS = 8  # of one follower
-PROFILES = 5
+ARMS = 2.0  # wingspans that the arms of a drawn V are to either side at least
 
 
 @kernel
@@ -40,7 +40,7 @@ def plan_leader(lane, cfg):
     u_turn, u_rate = uniform_pair(seed, episode, PLACE, 0, 1)
     u_switch, u_course = uniform_pair(seed, episode, PLACE, 0, 2)
     u_dark, u_long = uniform_pair(seed, episode, PLACE, 0, 3)
-    plan["profile"] = int(u_profile * PROFILES) if drawn else cfg["profile"]
+    plan["profile"] = int(u_profile * len(PROFILES)) if drawn else cfg["profile"]
     plan["turn"] = between(cfg["turn"], u_turn)
     plan["rate"] = between(cfg["weave_rate"], u_rate)
     plan["a_lat"] = cfg["leader_sd_lat"] * normal(seed, episode, PLACE, 0, 4)
@@ -63,9 +63,10 @@ def plan_leader(lane, cfg):
 
 @kernel
 def plan_offsets(lane, cfg):
-    """Write the commanded offsets and when each takes over; the left arm of a V mirrors the right.
+    """Write the commanded offsets and when each takes over.
 
-    A drawn flight has one change, at a time between 0.2 and 0.8 of it.
+    A drawn flight has one change, at a time between 0.2 and 0.8 of it. In a V the leader is to the
+    right of even followers and to the left of odd ones; drawn offsets keep the two arms apart.
     """
     seed, episode, agent = lane["seed"], lane["episode"], lane["agent"]
     k, offsets, times = DRAWS * agent, lane["offsets"], lane["offset_times"]
@@ -84,9 +85,11 @@ def plan_offsets(lane, cfg):
             half = cfg["offset_drawn"][i]
             offsets[0, i] = cfg["offset"][i] + half * (2.0 * u - 1.0)
             offsets[1, i] = cfg["offset"][i] + half * (2.0 * w - 1.0)
-    if cfg["formation"] == V_FORMATION and agent % 2 == 1:
+    if cfg["formation"] == V_FORMATION:
+        apart = ARMS * cfg["wingspan"] if cfg["start"] == DRAWN else 0.0
         for j in range(4):
-            offsets[j, 1] = -offsets[j, 1]
+            across = max(abs(offsets[j, 1]), apart)
+            offsets[j, 1] = across if agent % 2 == 0 else -across
 
 
 @kernel

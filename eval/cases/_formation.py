@@ -1,0 +1,175 @@
+"""What the cases of formation flight share: flights, recorded logs, filters replayed on a log.
+
+All figures are in feet, as in the papers; none of them prints a number for these.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.registry import load
+from visenvs.core.compile import kernel
+from visenvs.core.config import Config, override, to_record
+from visenvs.core.lanes import Lanes, Task
+from visenvs.core.outcome import SUCCESS
+from visenvs.core.registry import load_task
+from visenvs.core.units import FOOT
+from visenvs.estimation import formation as filters
+from visenvs.estimation.ekf import factorise, pack_lower, whiten
+
+from ..rollout import PUBLIC_SEEDS, rollout
+from . import Row, standard_error
+
+Values = NDArray[np.float64]
+AXES = "XYZ"
+LAW = "follow"
+
+LOG = np.dtype([
+    ("outcome", "i8"), ("seen", "f8"), ("heading", "f8"), ("size_told", "f8"), ("range_told", "f8"),
+    ("r_V_N", "f8", 3), ("v_V_N", "f8", 3), ("push", "f8", (filters.SUBSTEPS, 3)),
+    ("sight", filters.SIGHT), ("leader", filters.LEADER),
+    ("rhat_LV_F", "f8", 3), ("vhat_LV_F", "f8", 3), ("ahat_L_F", "f8", 3), ("bhat", "f8"),
+])  # fmt: skip
+REPLAY = np.dtype([
+    ("flies", "f8"), ("e", "f8", 6),  # error of position and velocity in N
+    ("nees", "f8"), ("b", "f8"), ("a", "f8", 3),
+])  # fmt: skip
+
+
+def scene(scenario: str, **changes: Any) -> tuple[Task, Config]:
+    """A scenario with some settings changed."""
+    task = load_task("visenvs/Formation-v0")
+    return task, override(task.scenarios[scenario], changes)
+
+
+@cache
+def fly(scenario: str, episodes: int, **changes: Any) -> NDArray[Any]:
+    """Final lane records of the first public seeds under the law `follow`."""
+    task, config = scene(scenario, **changes)
+    return rollout(load(LAW, task, config).policy, task, config, PUBLIC_SEEDS[:episodes]).records
+
+
+@cache
+def record(scenario: str, episodes: int, wave: float = 0.0, **changes: Any) -> NDArray[Any]:
+    """The log of whole flights under `follow`, one LOG record per step and seed, (steps + 1, n).
+
+    Args:
+        scenario, changes: as of `scene`.
+        episodes: flights, on the first public seeds.
+        wave: amplitude of a lateral sine of 0.25 rad/s beside the commanded offset, m.
+    """
+    task, config = scene(scenario, **changes)
+    policy = load(LAW, task, config).policy
+    lanes = Lanes(task, config, episodes)
+    lanes.reset(PUBLIC_SEEDS[:episodes])
+    settings: Any = config
+    log = np.zeros((round(settings.t_f / settings.dt) + 1, episodes), LOG)
+    for k, entry in enumerate(log):
+        for name in LOG.names or ():
+            entry[name] = lanes.records[name]
+        if lanes.done.all():
+            return log[: k + 1]
+        row = task.observation.unpack(lanes.rows)
+        row["offset_F"][:, 1] += wave * np.sin(0.25 * k * settings.dt)
+        actions, _ = policy.predict(task.observation.pack(row))
+        lanes.step(np.asarray(actions, np.float32))
+    raise RuntimeError("a flight did not end at its end")
+
+
+@kernel
+def replay_all(log, config, out):
+    """Run the configured filter over every flight of a log (steps, n)."""
+    cfg, factor, error = config[0], np.zeros(21), np.zeros(6)
+    work, belief = np.zeros(1, filters.SCRATCH), np.zeros(1, filters.BELIEF)
+    for i in range(log.shape[1]):
+        track = np.zeros(1, filters.TRACK)
+        for k in range(log.shape[0]):
+            own = log[k, i]
+            if own["outcome"] != 0 and k > 0 and log[k - 1, i]["outcome"] != 0:
+                break
+            if k == 0:
+                filters.begin(track[0], own, own["sight"], cfg, work[0])
+            else:
+                filters.predict(track[0], own, cfg, work[0])
+                if own["seen"] > 0.0:
+                    filters.update(track[0], own, own["sight"], belief[0], cfg, work[0])
+            filters.describe(track[0], own, own["leader"], belief[0], cfg, work[0])
+            entry, b = out[k, i], belief[0]
+            for j in range(3):
+                entry["e"][j] = b["r_LV_N"][j] - own["leader"]["r_N"][j] + own["r_V_N"][j]
+                entry["e"][3 + j] = b["v_LV_N"][j] - own["leader"]["v_N"][j] + own["v_V_N"][j]
+                entry["a"][j] = b["a_L_N"][j]
+            pack_lower(b["C"], factor)
+            factorise(factor, 6)
+            entry["nees"] = whiten(factor, entry["e"], error)
+            entry["b"], entry["flies"] = b["b"], 1.0
+
+
+def replay(log: NDArray[Any], config: Config) -> NDArray[Any]:
+    """REPLAY records of the configuration's filter over a log, (steps, n)."""
+    out = np.zeros(log.shape, REPLAY)
+    replay_all(log, to_record(config), out)
+    return out
+
+
+def in_heading(log: NDArray[Any], vectors: Values) -> Values:
+    """Vectors in N, (steps, n, 3), in each follower's heading frame."""
+    c, s = np.cos(log["heading"]), np.sin(log["heading"])
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    return np.stack([c * x + s * y, c * y - s * x, z], axis=-1)
+
+
+def errors(log: NDArray[Any]) -> Values:
+    """Error of the estimated relative position that was flown on, in F, ft, (steps, n, 3)."""
+    true = in_heading(log, log["leader"]["r_N"] - log["r_V_N"])
+    return (log["rhat_LV_F"] - true) / FOOT
+
+
+def root_mean(values: Values, axis: int = 0) -> Values:
+    """Square root of the mean."""
+    return np.sqrt(values.mean(axis=axis))
+
+
+def kept(records: NDArray[Any]) -> NDArray[Any]:
+    """Those flights that kept their leader to the end."""
+    return records[records["outcome"] == SUCCESS]
+
+
+def figure(
+    at: str,
+    values: Values,
+    statistic: Callable[..., Values] = np.mean,
+    low: float | None = None,
+    high: float | None = None,
+) -> Row:
+    """A figure of one value per flight; NaN where there is none."""
+    if not len(values):
+        return Row(at, None, float("nan"), 0.0, 0, low, high)
+    ours, error = float(statistic(values, axis=0)), standard_error(values, statistic)
+    return Row(at, None, ours, error, len(values), low, high)
+
+
+def rmse_rows(
+    at: str, records: NDArray[Any], most: tuple[float | None, ...] = (None, None, None)
+) -> list[Row]:
+    """RMSE of position and velocity in F over the kept flights, ft and ft/s, and who was lost."""
+    flown, out = kept(records), []
+    for i, (axis, high) in enumerate(zip(AXES, most, strict=True)):
+        squares = flown["square_r"][:, i] / FOOT**2
+        out.append(figure(f"{at}/{axis}_ft", squares, root_mean, high=high))
+    for i, axis in enumerate(AXES):
+        squares = flown["square_v"][:, i] / FOOT**2
+        out.append(figure(f"{at}/V{axis}_ft_s", squares, root_mean))
+    return out
+
+
+def lost_row(
+    at: str, records: NDArray[Any], low: float | None = None, high: float | None = None
+) -> Row:
+    """Share of flights that did not keep their leader."""
+    return figure(f"{at}/lost", (records["outcome"] != SUCCESS).astype(float), np.mean, low, high)
