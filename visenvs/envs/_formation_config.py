@@ -245,6 +245,6 @@ SCENARIOS = {
     ),
     # Five in a V behind leaders of every profile
     "team": replace(
-        RANDOM, followers=5, formation="v", offset=(30.0, -8.0, 0.0), offset_drawn=(4.0, 3.0, 3.0)
+        RANDOM, followers=5, formation="v", offset=(30.0, 8.0, 0.0), offset_drawn=(4.0, 3.0, 3.0)
     ),
 }
