@@ -86,6 +86,12 @@ PRESETS: dict[tuple[str, Algo], Preset] = {
         ON_POLICY | {"n_steps": 150, "gamma": 0.99},
         SMALL | {"log_std_init": -0.5},
     ),
+    ("visenvs/Formation-v0", "ppo"): Preset(
+        256,  # of a team as many in all: --lanes 51 for teams of five
+        ON_POLICY | {"gamma": 0.99, "batch_size": 5120},
+        SMALL | {"log_std_init": -2.0},
+        reward_floor=-20.0,
+    ),
     ("visenvs/Avoidance-v0", "ppo"): Preset(
         256,
         ON_POLICY | {"n_steps": 400, "gae_lambda": 0.97, "batch_size": 6400},

@@ -8,6 +8,7 @@ from typing import Literal
 
 from visenvs.core.config import code, require, validate
 from visenvs.core.units import FOOT
+from visenvs.guidance.excitation import check_segment
 
 Two = tuple[float, float]
 Three = tuple[float, float, float]
@@ -97,13 +98,13 @@ class FormationConfig:
     q_jerk: float = 4.0 * FOOT**2  # of "kf-singer": noise of its acceleration, m^2/s^5
     singer_rate: float = 0.1  # and its decay, 1/s
     adapt_gain: float = 0.1  # of the network's weights, 1/s
-    adapt_decay: float = 0.1  # their e-modification
+    adapt_decay: float = 0.1 / FOOT  # their e-modification, s^2/m
     vision: Two = (0.0, 0.0)  # from the truth to the estimate between these times, s
     score_from: float = 20.0  # estimation errors count from here, s
     # what the meandering laws are told; the task itself does not use it
-    meander_reach: float = 10 * FOOT  # to either side of the offset, m
-    meander_segment: float = 10.0  # from one side to the other, s
-    meander_weight: float = 2834.0  # of the range information against effort, s^2
+    meander_reach: float = 5 * FOOT  # to either side of the offset, m
+    meander_segment: float = 8.0  # from one side to the other, s
+    meander_weight: float = 2000.0  # K of the effort against the range's information, s^2
     meander_window: Two = (0.0, 1e9)  # from when to when, s
 
     def __post_init__(self) -> None:
@@ -165,6 +166,7 @@ class FormationConfig:
             vision=0 <= self.vision[0] <= self.vision[1],
             score_from=self.score_from >= 0,
         )
+        check_segment(self.sigma_image, self.meander_weight, self.meander_segment)
 
 
 DRAWN = code(FormationConfig, "start", "drawn")
@@ -212,9 +214,7 @@ SCENARIOS = {
     "straight": STRAIGHT,
     "gtmax": GTMAX,
     # The GTYak behind the GTEdge; [800 -20] in the tracking paper is [80 0 -20]
-    "gtyak": replace(
-        GTMAX, speed=(75 * FOOT, 75 * FOOT), offset=(80 * FOOT, 0.0, -20 * FOOT)
-    ),
+    "gtyak": replace(GTMAX, speed=(75 * FOOT, 75 * FOOT), offset=(80 * FOOT, 0.0, -20 * FOOT)),
     # Bearings alone, tracking paper section 4: closer by half at t = 10 s
     "bearing-only": FormationConfig(
         t_f=90.0,
@@ -227,9 +227,14 @@ SCENARIOS = {
         sd_lat=0.0,
         q_lat=0.0,
         q_a=0.01 * FOOT**2,
+        meander_window=(20.0, 1e9),
     ),
     # A circling leader of unknown acceleration, tracking paper section 5, from GPS to vision
     "adaptive": FormationConfig(
+        estimator="kf-integrator",
+        adapt_gain=0.5,
+        adapt_decay=0.01 / FOOT,
+        blackout=(0.0, 0.0),
         t_f=180.0,
         profile="circle",
         speed=(75 * FOOT, 75 * FOOT),
@@ -238,5 +243,8 @@ SCENARIOS = {
         vision=(20.0, 60.0),
         score_from=80.0,
     ),
+    # Five in a V behind leaders of every profile
+    "team": replace(
+        RANDOM, followers=5, formation="v", offset=(30.0, 8.0, 0.0), offset_drawn=(4.0, 3.0, 3.0)
+    ),
 }
-

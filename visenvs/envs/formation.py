@@ -171,9 +171,7 @@ def look(lane, cfg, work):
         lane["belief"]["innovation"][i] = 0.0
     if seen:
         measure(lane, cfg, r)
-        filters.update(
-            lane["track"], lane, lane["sight"], lane["belief"], cfg, work["filter"]
-        )
+        filters.update(lane["track"], lane, lane["sight"], lane["belief"], cfg, work["filter"])
 
 
 @kernel
