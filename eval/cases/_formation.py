@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,7 @@ from . import Row, standard_error
 Values = NDArray[np.float64]
 AXES = "XYZ"
 LAW = "follow"
+SCORED = 200  # steps, 20 s, until estimates are scored
 
 LOG = np.dtype([
     ("outcome", "i8"), ("seen", "f8"), ("heading", "f8"), ("size_told", "f8"), ("range_told", "f8"),
@@ -157,7 +159,7 @@ def figure(
 def rmse_rows(
     at: str, records: NDArray[Any], most: tuple[float | None, ...] = (None, None, None)
 ) -> list[Row]:
-    """RMSE of position and velocity in F over the kept flights, ft and ft/s, and who was lost."""
+    """RMSE of position and velocity in F over the kept flights, ft and ft/s."""
     flown, out = kept(records), []
     for i, (axis, high) in enumerate(zip(AXES, most, strict=True)):
         squares = flown["square_r"][:, i] / FOOT**2
@@ -173,3 +175,79 @@ def lost_row(
 ) -> Row:
     """Share of flights that did not keep their leader."""
     return figure(f"{at}/lost", (records["outcome"] != SUCCESS).astype(float), np.mean, low, high)
+
+
+def circling_rows(case: str, a_lat: float, most: tuple[float, ...], episodes: int) -> list[Row]:
+    """A circling leader: with everything, with each part left out, and with other camera models.
+
+    Args:
+        case: scenario, and first part of the rows' names.
+        a_lat: what the filter's lateral acceleration must converge to, ft/s^2.
+        most: largest accepted RMSE of X, Y and Z, ft.
+    """
+    out: list[Row] = []
+    for filter_ in ("ekf", "ekf-log", "ekf-natural"):
+        flown = fly(case, episodes, estimator=filter_)
+        best = filter_ == "ekf"
+        out += rmse_rows(f"{case}/{filter_}", flown, most if best else (None, None, None))
+        mean = kept(flown)["a_lat_mean"] / FOOT
+        band = (a_lat - 0.1, a_lat + 0.1)
+        out.append(figure(f"{case}/{filter_}/a_lat_ft_s2", mean, np.mean, *band))
+        out.append(lost_row(f"{case}/{filter_}", flown, high=0.0 if best else None))
+    for q in (1.0, 10.0, 100.0):
+        out += without_a_lat(case, q, episodes)
+    blind = fly(case, episodes, wings="none", range_bias=0.2)
+    x_error = np.sqrt(kept(blind)["square_r"][:, 0]) / FOOT
+    out.append(figure(f"{case}/no-alpha/X_ft", x_error**2, root_mean, low=10.0))
+    out.append(lost_row(f"{case}/no-alpha", blind))
+    for wings in ("points", "flat"):
+        bias = kept(fly(case, episodes, wings=wings))["bias_r"][:, 0] / FOOT
+        out.append(figure(f"{case}/wings={wings}/X_bias_ft", bias))
+    told = kept(fly(case, episodes, size_bias=0.05))["bias_r"][:, 0] / FOOT
+    return [*out, figure(f"{case}/b0+5%/X_bias_ft", told)]
+
+
+def without_a_lat(case: str, q: float, episodes: int) -> list[Row]:
+    """Losses without the lateral acceleration, and the filter's own errors behind a true guide."""
+    changes = {"sd_lat": 0.0, "q_lat": 0.0, "q_a": q * FOOT**2}
+    at = f"{case}/no-a_lat/q_a={q:g}"
+    log = record(case, episodes, estimator="truth")
+    again = replay(log, scene(case, **changes)[1])
+    late = in_heading(log, again["e"][..., :3])[SCORED:] / FOOT
+    flies = again["flies"][SCORED:] > 0
+    rows = [lost_row(at, fly(case, episodes, **changes))]
+    for i, axis in enumerate(AXES):
+        squares = np.mean(late[..., i] ** 2, axis=0, where=flies)
+        rows.append(figure(f"{at}/filter-only/{axis}_ft", squares, root_mean))
+    return rows
+
+
+def compare_plot(
+    folder: Path, scenario: str, estimators: tuple[str, ...], case: str | None = None
+) -> Path:
+    """Relative position and leader's acceleration, true and estimated, on the first public seed."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(12, 9), layout="constrained")
+    FigureCanvasAgg(figure)
+    panels = figure.subplots(4, 2)
+    for column, estimator in enumerate(estimators):
+        log = record(scenario, 1, estimator=estimator)
+        time = 0.1 * np.arange(len(log))
+        truth = in_heading(log, log["leader"]["r_N"] - log["r_V_N"])[:, 0] / FOOT
+        hat, a = log["rhat_LV_F"][:, 0] / FOOT, log["ahat_L_F"][:, 0, 1] / FOOT
+        true_a = in_heading(log, log["leader"]["a_N"])[:, 0, 1] / FOOT
+        pairs = [*zip(truth.T, hat.T, strict=True), (true_a, a)]
+        names = [*(f"{axis} (ft)" for axis in AXES), "leader's acceleration, right (ft/s²)"]
+        for axes, name, (real, guess) in zip(panels[:, column], names, pairs, strict=True):
+            axes.plot(time, real, "C2", label="true")
+            axes.plot(time, guess, "C0", lw=0.8, label="estimated")
+            axes.set(ylabel=name)
+            axes.grid(alpha=0.3)
+        panels[0, column].set(title=f"{scenario}, estimator {estimator}")
+        panels[-1, column].set(xlabel="time (s)")
+    panels[0, 0].legend(fontsize=8)
+    file = folder / f"{case or scenario}.png"
+    figure.savefig(file, dpi=110)
+    return file
