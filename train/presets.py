@@ -92,6 +92,13 @@ PRESETS: dict[tuple[str, Algo], Preset] = {
         SMALL | {"log_std_init": -2.0},
         reward_floor=-20.0,
     ),
+    ("visenvs/Formation-v0", "ppo"): Preset(
+        256,
+        ON_POLICY | {"n_steps": 150, "gamma": 0.99, "batch_size": 4800},
+        SMALL | {"log_std_init": -2.0},
+        reward_floor=-1.0,
+        unit=0.1,
+    ),
     ("visenvs/Avoidance-v0", "ppo"): Preset(
         256,
         ON_POLICY | {"n_steps": 400, "gae_lambda": 0.97, "batch_size": 6400},
