@@ -88,12 +88,6 @@ PRESETS: dict[tuple[str, Algo], Preset] = {
     ),
     ("visenvs/Formation-v0", "ppo"): Preset(
         256,
-        ON_POLICY | {"gamma": 0.99, "batch_size": 5120},
-        SMALL | {"log_std_init": -2.0},
-        reward_floor=-20.0,
-    ),
-    ("visenvs/Formation-v0", "ppo"): Preset(
-        256,
         ON_POLICY | {"n_steps": 150, "gamma": 0.99, "batch_size": 4800},
         SMALL | {"log_std_init": -2.0},
         reward_floor=-1.0,
