@@ -17,7 +17,7 @@ class Preset:
     """How to train one algorithm on one environment.
 
     Attributes:
-        lanes: environments that fly side by side.
+        lanes: environments that fly side by side, agents of all teams counted.
         model: arguments of the SB3 algorithm. Learning rates fall linearly to a twentieth.
         policy: arguments of its policy (`net_arch`, `log_std_init`, ...).
         sets: width of the network that reads what a row lists in any order (PPO only); 0 for none.
@@ -85,12 +85,6 @@ PRESETS: dict[tuple[str, Algo], Preset] = {
         256,
         ON_POLICY | {"n_steps": 150, "gamma": 0.99},
         SMALL | {"log_std_init": -0.5},
-    ),
-    ("visenvs/Formation-v0", "ppo"): Preset(
-        256,  # of a team as many in all: --lanes 51 for teams of five
-        ON_POLICY | {"gamma": 0.99, "batch_size": 5120},
-        SMALL | {"log_std_init": -2.0},
-        reward_floor=-20.0,
     ),
     ("visenvs/Formation-v0", "ppo"): Preset(
         256,

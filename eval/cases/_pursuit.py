@@ -54,7 +54,7 @@ def watch(scenario: str, law: str, episodes: int, **changes: Any) -> NDArray[Any
     return np.array(out)
 
 
-def times(log: NDArray[Any], dt: float = 0.1) -> Values:
+def times(log: NDArray[Any], dt: float = 0.1) -> NDArray[Any]:
     """Times of the records, s, (steps,)."""
     return dt * np.arange(1, len(log) + 1)
 

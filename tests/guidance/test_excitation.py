@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from scipy.linalg import null_space
 
+from visenvs.core.config import override
+from visenvs.core.registry import load_task
 from visenvs.guidance.excitation import CONJUGATE, check_segment, follow_sine, optimal_path
 
 pytestmark = pytest.mark.kernel
@@ -97,3 +99,9 @@ def test_a_sine_tells_its_own_derivatives():
     follow_sine(3.0, 20.0, 4.0 + 1e-6, after)
     assert out[0] == pytest.approx(3.0 * math.sin(0.4 * math.pi))
     assert (after - out)[:2] / 1e-6 == pytest.approx(out[1:], abs=1e-5)
+
+
+def test_the_task_refuses_what_the_law_cannot_fly():
+    config = load_task("visenvs/Formation-v0").scenarios["bearing-only"]
+    with pytest.raises(ValueError, match=r"omega T must be below 4\.7300, got 0\.5 rad/s x 10 s"):
+        override(config, {"meander_segment": 10.0})
