@@ -88,10 +88,10 @@ PRESETS: dict[tuple[str, Algo], Preset] = {
     ),
     ("visenvs/Formation-v0", "ppo"): Preset(
         256,
-        ON_POLICY | {"n_steps": 150, "gamma": 0.99, "batch_size": 4800},
-        SMALL | {"log_std_init": -2.0},
-        reward_floor=-1.0,
-        unit=0.1,
+        ON_POLICY | {"n_steps": 100, "gamma": 0.98, "gae_lambda": 0.8, "batch_size": 3200},
+        SMALL | {"log_std_init": -1.5},
+        reward_floor=-0.1,  # a change of the command is no policy's fault
+        unit=0.02,
     ),
     ("visenvs/Avoidance-v0", "ppo"): Preset(
         256,

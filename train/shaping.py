@@ -7,6 +7,7 @@ the policy flies: what it adds to the return does not depend on the policy (Ng, 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -20,6 +21,8 @@ from visenvs.guidance.lq import cost_to_go
 
 LANE = ("r_TV_N", "v_V_N", "t_go")
 SETTINGS = ("s_x", "s_v")
+PLACE = ("leader", "v_V_N", "heading", "tracking_error", "offset_F", "offset_rate")
+PLACE_SETTINGS = ("s_r",)
 Potential = Callable[[NDArray[Any]], NDArray[np.float64]]
 
 
@@ -31,20 +34,48 @@ def terminal_costs(lanes, settings, out):
         out[i] = cost_to_go(lane["r_TV_N"], lane["v_V_N"], lane["t_go"], s["s_x"], s["s_v"])
 
 
-def potential_of(task: Task, config: Config) -> Potential | None:
-    """Minus the least cost to go with perfect information (thesis (4.10)), or None.
+@kernel
+def place_costs(lanes, settings, out):
+    """Least cost to go of keeping a place without an end and without a lag, m^2/s^3.
 
-    For every task with a terminal cost of position and velocity: the names tell.
+    For 1/2 integral of s |e|^2 + |e''|^2 the Riccati equation has the solution
+    [[sqrt(2) s^(3/4), sqrt(s)], [sqrt(s), sqrt(2) s^(1/4)]] for each axis.
     """
-    if not set(LANE) <= set(task.lane.names or ()) or not set(SETTINGS) <= set(
-        field_types(type(config))
-    ):
+    s = settings[0]["s_r"]
+    both, error, rate = math.sqrt(s), math.sqrt(2.0) * s**0.75, math.sqrt(2.0) * s**0.25
+    for i in range(lanes.shape[0]):
+        lane = lanes[i]
+        e, v, own, w = (
+            lane["tracking_error"], lane["leader"]["v_N"], lane["v_V_N"], lane["offset_rate"]
+        )  # fmt: skip
+        cosine, sine, c = math.cos(lane["heading"]), math.sin(lane["heading"]), lane["offset_F"]
+        north, east, down = v[0] - own[0], v[1] - own[1], v[2] - own[2]
+        ahead = cosine * north + sine * east + w * c[1]
+        right = cosine * east - sine * north - w * c[0]
+        square = e[0] * e[0] + e[1] * e[1] + e[2] * e[2]
+        mixed = e[0] * ahead + e[1] * right + e[2] * down
+        out[i] = 0.5 * error * square + both * mixed
+        out[i] += 0.5 * rate * (ahead * ahead + right * right + down * down)
+
+
+def potential_of(task: Task, config: Config) -> Potential | None:
+    """Minus the least cost to go with perfect information, or None.
+
+    For every task with a terminal cost of position and velocity (thesis (4.10)), and for those that
+    charge the distance from a commanded place: the names tell.
+    """
+    fields, given = set(task.lane.names or ()), set(field_types(type(config)))
+    if set(LANE) <= fields and set(SETTINGS) <= given:
+        costs = terminal_costs
+    elif set(PLACE) <= fields and set(PLACE_SETTINGS) <= given:
+        costs = place_costs
+    else:
         return None
     settings = to_record(config)
 
     def potential(lanes: NDArray[Any]) -> NDArray[np.float64]:
         out = np.zeros(len(lanes))
-        terminal_costs(lanes, settings, out)
+        costs(lanes, settings, out)
         return -out
 
     return potential

@@ -229,9 +229,9 @@ def compare_plot(
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(12, 9), layout="constrained")
-    FigureCanvasAgg(figure)
-    panels = figure.subplots(4, 2)
+    page = Figure(figsize=(12, 9), layout="constrained")
+    FigureCanvasAgg(page)
+    panels = page.subplots(4, 2)
     for column, estimator in enumerate(estimators):
         log = record(scenario, 1, estimator=estimator)
         time = 0.1 * np.arange(len(log))
@@ -239,7 +239,7 @@ def compare_plot(
         hat, a = log["rhat_LV_F"][:, 0] / FOOT, log["ahat_L_F"][:, 0, 1] / FOOT
         true_a = in_heading(log, log["leader"]["a_N"])[:, 0, 1] / FOOT
         pairs = [*zip(truth.T, hat.T, strict=True), (true_a, a)]
-        names = [*(f"{axis} (ft)" for axis in AXES), "leader's acceleration, right (ft/s²)"]
+        names = [*(f"{axis} (ft)" for axis in AXES), "leader's a, right (ft/s²)"]
         for axes, name, (real, guess) in zip(panels[:, column], names, pairs, strict=True):
             axes.plot(time, real, "C2", label="true")
             axes.plot(time, guess, "C0", lw=0.8, label="estimated")
@@ -249,5 +249,5 @@ def compare_plot(
         panels[-1, column].set(xlabel="time (s)")
     panels[0, 0].legend(fontsize=8)
     file = folder / f"{case or scenario}.png"
-    figure.savefig(file, dpi=110)
+    page.savefig(file, dpi=110)
     return file

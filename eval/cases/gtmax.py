@@ -1,4 +1,4 @@
-"""Figure 10 of the thesis: the GTMax behind the circling GTEdge, position and velocity estimates."""
+"""Figure 10 of the thesis: the GTMax behind the circling GTEdge, position and velocity."""
 
 from __future__ import annotations
 

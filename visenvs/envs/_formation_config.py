@@ -40,7 +40,7 @@ class FormationConfig:
     t_f: float = 60.0  # end of the episode, s
     # cost: 1/2 integral of s_r |tracking error|^2 + |acceleration - the leader's|^2
     s_r: float = 0.16**2  # weight of the squared error, 1/s^4
-    lost_error: float = 30.0  # a lost or crashed follower is charged for this error to the end, m
+    lost_error: float = 20.0  # a lost or crashed follower is charged for this error to the end, m
     lost_after: float = 8.0  # s without an image: lost
     lost_range: float = 300 * FOOT  # and farther than this, m
     # follower

@@ -34,5 +34,5 @@ OBSERVATION = Layout((
 ))  # fmt: skip
 ACTION = Layout((
     Field("a_V_F", 3, "a_max", "F", -1.0, 1.0, 1.0,
-          "commanded acceleration over the largest horizontal one; the vertical is limited further"),
+          "commanded acceleration over the largest horizontal one; the vertical has its limit"),
 ))  # fmt: skip

@@ -14,14 +14,14 @@ import numpy as np
 from visenvs.core.compile import kernel
 from visenvs.core.frames import wrap_angle
 from visenvs.core.lanes import Task, lane_dtype
-from visenvs.core.outcome import COLLISION, LOST, RUNNING, SUCCESS
+from visenvs.core.outcome import RUNNING
 from visenvs.dynamics.follower import fly, limit
 from visenvs.dynamics.leader import PLAN, lead, turn_rate, wander
 from visenvs.envs._formation_config import INERTIAL, SCENARIOS, FormationConfig
 from visenvs.envs._formation_layout import ACTION, OBSERVATION
+from visenvs.envs._formation_score import off_place, point, score, turn_into
 from visenvs.envs._formation_start import parent_of, plan_leader, plan_offsets, take_place, tell
 from visenvs.estimation import formation as filters
-from visenvs.estimation.ekf import factorise, pack_lower, whiten
 from visenvs.estimation.formation import SUBSTEPS
 from visenvs.sensors.formation import in_view, linked, take_sight
 
@@ -94,10 +94,11 @@ def reset_team(lanes, first, count, cfg, work):
         tell(lane, cfg)
         lane["t_go"], lane["link"], lane["seen"] = cfg["t_f"], 1.0, 1.0
         lane["separation"] = lane["min_separation"] = math.inf
-        point(lane, cfg, work["r"])
+        point(lane, work["r"])
         measure(lane, cfg, work["r"])
         filters.begin(lane["track"], lane, lane["sight"], cfg, work["filter"])
         write_row(lane, cfg, work)
+        off_place(lane, work)
 
 
 @kernel
@@ -123,9 +124,12 @@ def meet(lanes, first, count, k, cfg, r):
     """Copy what a follower follows, and how near the nearest other vehicle is."""
     lane = lanes[k]
     parent = parent_of(k - first, cfg)
-    if parent >= 0 and lanes[first + parent]["outcome"] == RUNNING:
-        copy_leader(lane, lanes[first + parent], cfg)
-    point(lane, cfg, r)
+    if parent >= 0:
+        other = lanes[first + parent]
+        # one whose numbers are not finite any more will be found out at the end of the step
+        if other["outcome"] == RUNNING and math.isfinite(other["r_V_N"][0] + other["v_V_N"][0]):
+            copy_leader(lane, other, cfg)
+    point(lane, r)
     nearest = math.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
     for j in range(first, first + count):
         if j != k and lanes[j]["outcome"] == RUNNING:
@@ -150,19 +154,12 @@ def copy_leader(lane, other, cfg):
 
 
 @kernel
-def point(lane, cfg, r):
-    """Write the true position of the leader relative to the follower, N, m."""
-    for i in range(3):
-        r[i] = lane["leader"]["r_N"][i] - lane["r_V_N"][i]
-
-
-@kernel
 def look(lane, cfg, work):
     """Take an image, if there is one, and give it to the filter."""
     seed, episode, step, r = lane["seed"], lane["episode"], lane["step"], work["r"]
     t, dark = step * cfg["dt"], lane["blackout"]
     lane["link"] = linked(lane["link"], cfg, seed, episode, CAMERA, step, lane["agent"])
-    point(lane, cfg, r)
+    point(lane, r)
     seen = lane["link"] > 0.0 and in_view(r, lane["heading"], cfg)
     seen = seen and not dark[0] <= t < dark[0] + dark[1]
     lane["seen"] = 1.0 if seen else 0.0
@@ -230,93 +227,12 @@ def command_offset(lane, c, s, cfg):
 
 
 @kernel
-def turn_into(c, s, x, out):
-    """Write a vector of N in F."""
-    out[0], out[1], out[2] = c * x[0] + s * x[1], c * x[1] - s * x[0], x[2]
-
-
-@kernel
 def spread_into(c, s, C, k, out):
     """Write the standard deviations in F of the three from place k on of a covariance in N."""
     xx, xy, yy = C[k, k], C[k, k + 1], C[k + 1, k + 1]
     out[0] = math.sqrt(max(c * c * xx + 2.0 * c * s * xy + s * s * yy, 0.0))
     out[1] = math.sqrt(max(s * s * xx - 2.0 * c * s * xy + c * c * yy, 0.0))
     out[2] = math.sqrt(max(C[k + 2, k + 2], 0.0))
-
-
-@kernel
-def score(lane, cfg, work):
-    """Charge error and effort, watch the filter, and end at the end, out of sight or in a crash."""
-    dt, steps, step = cfg["dt"], round(cfg["t_f"] / cfg["dt"]), lane["step"]
-    lane["t_go"] = (steps - step) * dt
-    lane["t_kept"] = step * dt
-    lane["seen_share"] += (lane["seen"] - lane["seen_share"]) / step
-    error, effort = off_place(lane, cfg, work)
-    lane["tracking_square"] += (error - lane["tracking_square"]) / step
-    lane["tracking_rms"] = math.sqrt(lane["tracking_square"])
-    lane["cost_tracking"] = 0.5 * dt * cfg["s_r"] * error
-    lane["cost_control"] = 0.5 * dt * effort
-    lane["control_cost"] += lane["cost_control"]
-    watch_filter(lane, cfg, work)
-    left = 0.5 * lane["t_go"] * cfg["s_r"] * cfg["lost_error"] ** 2
-    point(lane, cfg, work["r"])
-    r = work["r"]
-    distance = math.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
-    if lane["separation"] < cfg["wingspan"]:
-        lane["outcome"], lane["cost_collision"] = COLLISION, left
-    elif lane["age"] > cfg["lost_after"] - 1e-9 or distance > cfg["lost_range"]:
-        lane["outcome"], lane["cost_lost"] = LOST, left
-    elif step >= steps:
-        lane["outcome"] = SUCCESS
-    lane["total_cost"] += lane["cost_tracking"] + lane["cost_control"]
-    lane["total_cost"] += lane["cost_lost"] + lane["cost_collision"]
-
-
-@kernel
-def off_place(lane, cfg, work):
-    """Squared tracking error, m^2, and squared acceleration beyond the leader's, m^2/s^4."""
-    r, e = work["r"], lane["tracking_error"]
-    point(lane, cfg, r)
-    turn_into(math.cos(lane["heading"]), math.sin(lane["heading"]), r, e)
-    error = effort = 0.0
-    for i in range(3):
-        e[i] -= lane["offset_F"][i]
-        error += e[i] * e[i]
-        mean = 0.0
-        for k in range(SUBSTEPS):
-            mean += lane["push"][k, i] / SUBSTEPS
-        effort += (mean - lane["leader"]["a_N"][i]) ** 2
-    return error, effort
-
-
-@kernel
-def watch_filter(lane, cfg, work):
-    """NEES of position and velocity, and their errors along the axes of F once these count."""
-    belief, leader, e, factor = lane["belief"], lane["leader"], work["e"], work["factor"]
-    for i in range(3):
-        e[i] = belief["r_LV_N"][i] - (leader["r_N"][i] - lane["r_V_N"][i])
-        e[3 + i] = belief["v_LV_N"][i] - (leader["v_N"][i] - lane["v_V_N"][i])
-    c, s = math.cos(lane["heading"]), math.sin(lane["heading"])
-    if lane["step"] * cfg["dt"] >= cfg["score_from"]:
-        lane["scored"] += 1.0
-        share = 1.0 / lane["scored"]
-        turn_into(c, s, e[:3], work["mean"])
-        for i in range(3):
-            lane["bias_r"][i] += share * (work["mean"][i] - lane["bias_r"][i])
-            lane["square_r"][i] += share * (work["mean"][i] ** 2 - lane["square_r"][i])
-        turn_into(c, s, e[3:], work["mean"])
-        for i in range(3):
-            lane["square_v"][i] += share * (work["mean"][i] ** 2 - lane["square_v"][i])
-        square = lane["square_r"]
-        lane["position_rms"] = math.sqrt(square[0] + square[1] + square[2])
-        a = belief["a_L_N"]
-        v_n, v_e = leader["v_N"][0], leader["v_N"][1]
-        lateral = (v_n * a[1] - v_e * a[0]) / math.hypot(v_n, v_e)
-        lane["a_lat_mean"] += share * (lateral - lane["a_lat_mean"])
-    pack_lower(belief["C"], factor)
-    factorise(factor, 6)
-    lane["nees"] = whiten(factor, e, e)
-    lane["nees_mean"] += (lane["nees"] - lane["nees_mean"]) / lane["step"]
 
 
 @kernel
@@ -361,6 +277,7 @@ TASK = Task(
     reset_lanes=reset_lanes,
     step_lanes=step_lanes,
     team=team_of,
+    picture="visenvs.render.formation:draw",
     reference="follow",
     shown=("tracking_rms", "t_kept"),
 )

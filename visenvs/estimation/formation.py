@@ -69,7 +69,7 @@ def begin(track, own, sight, cfg, work):
     kind = cfg["estimator"]
     if kind <= EKF_NATURAL:
         polar.begin(track["polar"], own, sight, kind == EKF_NATURAL, cfg)
-    elif kind == CARTESIAN or kind == UKF:
+    elif kind in (CARTESIAN, UKF):
         cartesian.begin(track["cartesian"], own, sight, cfg, work["cartesian"])
     elif kind >= ADAPTIVE:
         adaptive.begin(track["adaptive"], kind - ADAPTIVE, own, sight, cfg, work["adaptive"])

@@ -1,7 +1,7 @@
 """What filters share of a leader seen by a camera: its direction, and the angle of its wing tips.
 
 The direction is measured by two angles across the predicted line of sight, to the right and down;
-the wing tips of a leader of wingspan b at range r subtend alpha = 2 atan(b / (2 r)) (thesis (2.23)).
+the wing tips of a leader of wingspan b at range r subtend 2 atan(b / (2 r)) (thesis (2.23)).
 """
 
 from __future__ import annotations
