@@ -230,12 +230,6 @@ def _job(
         entry = registry.load(spec, task, config, trust=trust)
     except NotApplicable as reason:
         return Job(task, scenario, config, spec, None, str(reason), told_truth)
-    except (ValueError, OSError, ImportError):
-        raise
-    except Exception as error:  # a factory of the user's own
-        raise ValueError(
-            f"policy {spec!r} cannot be made: {type(error).__name__}: {error}"
-        ) from error
     return Job(task, scenario, config, spec, entry, told_truth=told_truth)
 
 
