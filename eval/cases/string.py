@@ -8,9 +8,9 @@ spacing, in which noise has its part. With a constant spacing and without the le
 these PD gains (0.16, 0.8) have 1.19 at 0.4 rad/s; a headway of 2 s ends that. Across the course,
 with the truth told: an offset in the own heading frame is a headway by itself.
 
-In a `turn` the leader rolls from straight flight into 0.1 rad/s at 20 s, all at once, and the filters
-let a_lat drift ten times faster than in a steady turn: with the drift for that (0.04 ft^2/s^5) one
-chain in a hundred breaks, where an image is missing just then.
+In a `turn` the leader rolls from straight flight into 0.1 rad/s at 20 s, all at once; filters let
+a_lat drift ten times faster than in a steady turn: with the drift for that (0.04 ft^2/s^5) one
+chain in a hundred breaks, where images are missing just then.
 """
 
 from __future__ import annotations
