@@ -19,7 +19,7 @@ class Preset:
     """How to train one algorithm on one environment.
 
     Attributes:
-        lanes: environments that fly side by side.
+        lanes: environments that fly side by side, agents of all teams counted.
         model: arguments of the SB3 algorithm. Learning rates fall linearly to a twentieth.
         policy: arguments of its policy (`net_arch`, `log_std_init`, ...).
         sets: width of the network that reads what a row lists in any order (PPO only); 0 for none.
@@ -88,6 +88,13 @@ PRESETS: dict[tuple[str, Algo], Preset] = {
         256,
         ON_POLICY | {"n_steps": 150, "gamma": 0.99},
         SMALL | {"log_std_init": -0.5},
+    ),
+    ("visenvs/Formation-v0", "ppo"): Preset(
+        256,
+        ON_POLICY | {"n_steps": 100, "gamma": 0.98, "gae_lambda": 0.8, "batch_size": 3200},
+        SMALL | {"log_std_init": -1.5},
+        reward_floor=-0.1,  # a change of the command is no policy's fault
+        unit=0.02,
     ),
     # whole flights of 400 steps; a push held for a second moves the vehicle, noise at every step
     # only costs (generalised state-dependent exploration, Raffin et al. 2021)

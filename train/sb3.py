@@ -65,7 +65,7 @@ class Options:
     seed: int = 0
     """of the network, and of the lanes: lane i flies seed * lanes + i"""
     lanes: int | None = None
-    """environments side by side; the preset's if left out"""
+    """environments side by side, teams where agents fly together; the preset's if left out"""
     residual: str | None = None
     """a law that the network corrects, for example osa; a plain network if left out"""
     residual_scale: float | None = None
@@ -200,7 +200,7 @@ def build_lanes(
     options: Options, preset: Preset, task: Task, config: Config, session: int
 ) -> tuple[LaneVecEnv, LaneVecEnv]:
     """Training lanes with shaped rewards, and validation lanes with the bare cost."""
-    count = options.lanes or preset.lanes
+    count = options.lanes or max(preset.lanes // task.team(config), 1)
     if count >= TRAINING_SEEDS:
         raise ValueError(f"there are {TRAINING_SEEDS} training seeds, got {count} lanes")
     first = (options.seed + 37 * session) * count % (TRAINING_SEEDS - count)

@@ -24,6 +24,8 @@ LANE = ("r_TV_N", "v_V_N", "t_go")
 SETTINGS = ("s_x", "s_v")
 SCENE = ("r_V_N", "v_V_N", "r_O_N", "v_O_N", "radius", "blocks", "closest")
 PASSING = ("waypoint", "margin", "s_x", "s_violation", "s_divergence")
+PLACE = ("leader", "v_V_N", "heading", "tracking_error", "offset_F", "offset_rate")
+PLACE_SETTINGS = ("s_r",)
 Potential = Callable[[NDArray[Any]], NDArray[np.float64]]
 
 
@@ -77,17 +79,49 @@ def passing_cost(lane, j, s, X, W):
     return cost
 
 
+@kernel
+def place_costs(lanes, settings, out):
+    """Least cost to go of keeping a place without an end and without a lag, m^2/s^3.
+
+    For 1/2 integral of s |e|^2 + |e''|^2 the Riccati equation has the solution
+    [[sqrt(2) s^(3/4), sqrt(s)], [sqrt(s), sqrt(2) s^(1/4)]] for each axis.
+    """
+    s = settings[0]["s_r"]
+    both, error, rate = math.sqrt(s), math.sqrt(2.0) * s**0.75, math.sqrt(2.0) * s**0.25
+    for i in range(lanes.shape[0]):
+        lane = lanes[i]
+        e, v, own, w = (
+            lane["tracking_error"], lane["leader"]["v_N"], lane["v_V_N"], lane["offset_rate"]
+        )  # fmt: skip
+        cosine, sine, c = math.cos(lane["heading"]), math.sin(lane["heading"]), lane["offset_F"]
+        north, east, down = v[0] - own[0], v[1] - own[1], v[2] - own[2]
+        ahead = cosine * north + sine * east + w * c[1]
+        right = cosine * east - sine * north - w * c[0]
+        square = e[0] * e[0] + e[1] * e[1] + e[2] * e[2]
+        mixed = e[0] * ahead + e[1] * right + e[2] * down
+        out[i] = 0.5 * error * square + both * mixed
+        out[i] += 0.5 * rate * (ahead * ahead + right * right + down * down)
+
+
+# What a lane tells, what its settings tell, and the guess for tasks that tell both.
+GUESSES = (
+    (LANE, SETTINGS, terminal_costs),
+    (SCENE, PASSING, passing_costs),
+    (PLACE, PLACE_SETTINGS, place_costs),
+)
+
+
 def potential_of(task: Task, config: Config) -> Potential | None:
-    """Minus a guess of the cost to go with perfect information, or None.
+    """Minus a guess of the cost to go with perfect information, or None: the names tell.
 
     For every task with a terminal cost of position and velocity the least cost (thesis (4.10)), for
-    those with spheres to pass `passing_costs`: the names tell.
+    those with spheres to pass `passing_costs`, for those that charge the distance from a commanded
+    place `place_costs`.
     """
     lane, known = set(task.lane.names or ()), set(field_types(type(config)))
-    if set(LANE) <= lane and set(SETTINGS) <= known:
-        costs = terminal_costs
-    elif set(SCENE) <= lane and set(PASSING) <= known:
-        costs = passing_costs
+    for fields, names, costs in GUESSES:
+        if set(fields) <= lane and set(names) <= known:
+            break
     else:
         return None
     settings = to_record(config)
