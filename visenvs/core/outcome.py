@@ -24,5 +24,6 @@ class Outcome(IntEnum):
 RUNNING = int(Outcome.RUNNING)
 SUCCESS = int(Outcome.SUCCESS)
 MISS = int(Outcome.MISS)
+COLLISION = int(Outcome.COLLISION)
 DIVERGED = int(Outcome.DIVERGED)
 TIME_LIMIT = int(Outcome.TIME_LIMIT)
