@@ -7,7 +7,7 @@ import math
 from visenvs.core.compile import kernel
 from visenvs.core.noise import normal_pair
 from visenvs.dynamics.lander import descend_or_climb, follow_velocity, glide
-from visenvs.guidance.choices import DELAYS, HOVER, LOOK, meaning
+from visenvs.guidance.choices import HOVER, LOOK, meaning
 from visenvs.guidance.interception import BLOCK, TAP, aim_at, descent_time, meet
 
 CRUISE, DESCENT, GROUND, CLIMB = 0.0, 1.0, 2.0, 3.0  # stages
@@ -29,8 +29,7 @@ def choose(lane, number):
     """Take up a choice; an aircraft that is busy takes none."""
     if lane["stage"] != CRUISE:
         return
-    service, robot, k = meaning(number)
-    lane["service"], lane["target"], lane["delay"] = service, robot, DELAYS[k]
+    lane["service"], lane["target"], lane["delay"] = meaning(number)
     for i in range(2):
         lane["aim_N"][i] = lane["r_V_N"][i]  # where it stays if there is nothing to fly to
 

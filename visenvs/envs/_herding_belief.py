@@ -8,7 +8,7 @@ from visenvs.core.compile import kernel
 from visenvs.dynamics.ground_robot import ABSENT, ACTIVE, OBSTACLES, ROBOTS, spinning
 from visenvs.envs._herding_aircraft import CRUISE, TRACKED
 from visenvs.envs._herding_config import BLOCK_ONLY
-from visenvs.guidance.choices import FIRST_LOOK, LAST, PER_ROBOT
+from visenvs.guidance.choices import LAST, number_of, look_at, DELAYS
 from visenvs.guidance.interception import BLOCK, TAP, meet
 
 NONE, FINISHED = 0.0, 2.0  # status of a track
@@ -46,8 +46,8 @@ def describe(lane, cfg, work):
         lane["t_contact"][i] = 0.0
         if tracked:
             lane["t_contact"][i] = meet(lane, i, BLOCK, 0.0, cfg, work["pose"], work["aim"])
-        for k in range(PER_ROBOT):
-            tap = k >= PER_ROBOT // 2
-            able = free and tracked and not (tap and cfg["services"] == BLOCK_ONLY)
-            allowed[1 + i * PER_ROBOT + k] = 1.0 if able else 0.0
-        allowed[FIRST_LOOK + i] = 1.0 if free and tracked else 0.0
+        able = 1.0 if free and tracked else 0.0
+        for k in range(len(DELAYS)):
+            allowed[number_of(i, BLOCK, k)] = able
+            allowed[number_of(i, TAP, k)] = 0.0 if cfg["services"] == BLOCK_ONLY else able
+        allowed[look_at(i)] = able

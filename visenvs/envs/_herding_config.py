@@ -130,10 +130,10 @@ class HerdingConfig:
 
 
 # the mission as its official firmware runs it; how the paper's figure can be reached: robots are
-# only blocked and a bump restarts their clock; and the mission seen from 2 m
+# only blocked, a bump restarts their clock, and landings are from 2 m; the mission seen from 2 m
 SCENARIOS = {
     "firmware": HerdingConfig(),
-    "paper": HerdingConfig(bump_restarts_timer=1, services="block"),
+    "paper": HerdingConfig(cruise=2.0, bump_restarts_timer=1, services="block"),
     "firmware-hard": HerdingConfig(cruise=2.0),
 }
 

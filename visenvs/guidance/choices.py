@@ -6,24 +6,23 @@ from visenvs.core.compile import kernel
 from visenvs.guidance.interception import BLOCK, TAP
 
 ROBOTS = 10
-DELAYS = (0, 2, 4)  # how much later than possible to come down, s
-SERVICES = ("block", "tap")  # numbers BLOCK and TAP
-LOOK, HOVER, CONTINUE = 2, 3, 4  # what else there is to do
-PER_ROBOT = len(SERVICES) * len(DELAYS)
-FIRST_LOOK = 1 + ROBOTS * PER_ROBOT
-LAST = FIRST_LOOK + ROBOTS
+DELAYS = (0.0, 2.0, 4.0)  # how much later than possible to come down, s
+LOOK, HOVER, CONTINUE = 2, 3, 4  # what there is to do besides BLOCK and TAP
+LOOK_PLACE = 2 * len(DELAYS)  # of the look among the choices of a robot
+PER_ROBOT = LOOK_PLACE + 1
+LAST = 1 + ROBOTS * PER_ROBOT
 
-CHOICES = (
-    "hover",
-    *(
-        f"{service} {robot} in {delay} s" if delay else f"{service} {robot}"
-        for robot in range(ROBOTS)
-        for service in SERVICES
-        for delay in DELAYS
-    ),
-    *(f"look at {robot}" for robot in range(ROBOTS)),
-    "continue",
-)
+
+def _of_robot(i: int) -> tuple[str, ...]:
+    later = [f" in {delay:g} s" if delay else "" for delay in DELAYS]
+    return (
+        *(f"block {i}{when}" for when in later),
+        *(f"tap {i}{when}" for when in later),
+        f"look at {i}",
+    )
+
+
+CHOICES = ("hover", *(name for i in range(ROBOTS) for name in _of_robot(i)), "continue")
 
 
 @kernel
@@ -33,14 +32,20 @@ def number_of(robot, service, k):
 
 
 @kernel
+def look_at(robot):
+    """The number of a look at a robot."""
+    return 1 + robot * PER_ROBOT + LOOK_PLACE
+
+
+@kernel
 def meaning(number):
-    """What a choice is: BLOCK, TAP, LOOK, HOVER or CONTINUE; the robot; the place of its delay."""
+    """What a choice is: BLOCK, TAP, LOOK, HOVER or CONTINUE; the robot; the delay, s."""
     if number == 0:
-        return HOVER, 0, 0
+        return HOVER, 0, 0.0
     if number >= LAST:
-        return CONTINUE, 0, 0
-    if number >= FIRST_LOOK:
-        return LOOK, number - FIRST_LOOK, 0
-    robot, rest = divmod(number - 1, PER_ROBOT)
-    service, k = divmod(rest, len(DELAYS))
-    return (TAP if service else BLOCK), robot, k
+        return CONTINUE, 0, 0.0
+    robot, place = (number - 1) // PER_ROBOT, (number - 1) % PER_ROBOT
+    if place == LOOK_PLACE:
+        return LOOK, robot, 0.0
+    late = place % len(DELAYS)
+    return (TAP if place >= len(DELAYS) else BLOCK), robot, DELAYS[late]

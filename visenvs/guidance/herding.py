@@ -17,13 +17,7 @@ from numpy.typing import NDArray
 
 from visenvs.core.compile import kernel
 from visenvs.core.registry import Law
-from visenvs.guidance.choices import (
-    DELAYS,
-    FIRST_LOOK,
-    LAST,
-    ROBOTS,
-    number_of,
-)
+from visenvs.guidance.choices import DELAYS, LAST, ROBOTS, look_at, number_of
 from visenvs.guidance.herding_value import value, value_table
 from visenvs.guidance.interception import BLOCK, POSE, TAP, meet
 
@@ -64,7 +58,7 @@ def follow_rule(away, beliefs, settings, commands):
         elif to_block >= 0:
             commands[n, 0] = number_of(to_block, BLOCK, 0)
         else:
-            commands[n, 0] = FIRST_LOOK + to_wait if to_wait >= 0 else 0
+            commands[n, 0] = look_at(to_wait) if to_wait >= 0 else 0
 
 
 @kernel
@@ -111,7 +105,7 @@ def stalest(belief):
     oldest, best = STALE, 0
     for i in range(ROBOTS):
         if belief["track_status"][i] == TRACKED and belief["track_age"][i] > oldest:
-            oldest, best = belief["track_age"][i], FIRST_LOOK + i
+            oldest, best = belief["track_age"][i], look_at(i)
     return best
 
 
