@@ -62,16 +62,6 @@ __all__ = [
     "tell",
     "work_dtype",
 ]
-    "FINISHED",
-    "NONE",
-    "TRACKED",
-    "bank_dtype",
-    "place",
-    "start",
-    "step",
-    "tell",
-    "work_dtype",
-]
 
 MISSED = 1e-6  # chance of not being found so often, below which a track is lost
 LOST_SD = 2.5  # standard deviation of the place above which it is lost, m
