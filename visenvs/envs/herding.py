@@ -1,0 +1,206 @@
+"""Herding: turn ten ground robots over one line of an arena, in ten minutes (IARC Mission 7).
+
+The robots drive about by themselves and reverse every 20 s. An aircraft lands in front of one, so
+that its bumper turns it about, or touches its top, so that it turns by 45 degrees. What there is to
+choose is a service of a robot, so one step lasts as long as an aircraft is busy: a decision every
+0.5 s on the way, none while it comes down, waits for the bump and climbs. What the aircraft knows
+of the robots is what its camera sees of them, or the truth.
+
+North is the goal line. The cost is minus the mission's score, counted from the best that there is:
+nothing lost is nothing paid.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from visenvs.core.compile import kernel
+from visenvs.core.lanes import Task
+from visenvs.core.layout import Row
+from visenvs.core.noise import uniform
+from visenvs.core.outcome import RUNNING
+from visenvs.dynamics.arena import Contacts
+from visenvs.dynamics.ground_robot import ACTIVE, CIRCLES, ROBOTS, drive_all
+from visenvs.dynamics.kinematic_arena import touch
+from visenvs.envs._herding_aircraft import CRUISE, choose, fly, obey
+from visenvs.envs._herding_belief import describe, tell_truth
+from visenvs.envs._herding_config import KINEMATIC, SCENARIOS, TRUTH, VELOCITY
+from visenvs.envs._herding_layout import LANE, OBSERVATION, WORK
+from visenvs.envs._herding_rules import cross_lines, feel_touches, hit_poles, judge, share
+from visenvs.guidance.choices import CHOICES, HOVER
+
+ENV_ID = "visenvs/Herding-v0"
+
+START = 2  # noise stream: rotation of the start
+LONGEST = 60.0  # that a step can last, s
+
+
+@kernel
+def move_all(team, pads, cfg, work):
+    """First half of a tick: aircraft fly, robots drive as if alone; writes who is in their way."""
+    for m in range(team.shape[0]):
+        lane = team[m]
+        if cfg["action_mode"] == VELOCITY:
+            obey(lane, cfg)
+        else:
+            fly(lane, cfg, work)
+        pads[m, 0], pads[m, 1] = lane["r_V_N"][0], lane["r_V_N"][1]
+        pads[m, 2] = 1.0 if lane["height"] < cfg["solid_height"] else 0.0
+    drive_all(team[0], cfg)
+
+
+@kernel
+def settle_all(team, cfg, work):
+    """Second half of a tick, after the contacts: rules, then what every aircraft comes to know."""
+    arena = team[0]
+    arena["tick"] += 1
+    arena["t"] = arena["tick"] * cfg["tick"]
+    feel_touches(team, cfg)
+    cross_lines(arena, cfg)
+    hit_poles(team, cfg)
+    judge(arena, cfg)
+    for m in range(team.shape[0]):
+        sense(team[m], arena, cfg, work)
+
+
+@kernel
+def sense(lane, arena, cfg, work):
+    """Bring the belief of one aircraft up to date."""
+    if cfg["estimator"] == TRUTH:
+        tell_truth(lane, arena)
+
+
+@kernel
+def begin_step(team, actions, cfg):
+    """Take up the choices; returns how many aircraft are free to choose again."""
+    for m in range(team.shape[0]):
+        lane, action = team[m], actions[m]
+        if cfg["action_mode"] == VELOCITY:
+            for i in range(2):
+                lane["command"][i] = cfg["v_max"] * min(max(action[i], -1.0), 1.0)
+            lane["down"] = 1.0 if action[2] > 0.0 else 0.0
+        else:
+            choose(lane, int(action[0]))
+    return free(team, cfg)
+
+
+@kernel
+def free(team, cfg):
+    """How many aircraft may choose."""
+    count = 0
+    for m in range(team.shape[0]):
+        count += cfg["action_mode"] == VELOCITY or team[m]["stage"] == CRUISE
+    return count
+
+
+@kernel
+def step_over(team, ticks, free_before, cfg):
+    """Whether a step of so many ticks is over: in time, or since an aircraft has become free."""
+    if team[0]["outcome"] != RUNNING or ticks * cfg["tick"] >= LONGEST:
+        return True
+    now = free(team, cfg)
+    return now > free_before or (now > 0 and ticks >= round(cfg["dt"] / cfg["tick"]))
+
+
+@kernel
+def end_step(team, cfg, work):
+    """Share the score, and write the rows' derived fields."""
+    share(team)
+    for m in range(team.shape[0]):
+        describe(team[m], cfg, work)
+
+
+@kernel
+def step_team(team, actions, pads, cfg, work):
+    """One step of one arena with contacts by geometry."""
+    free_before, ticks = begin_step(team, actions, cfg), 0
+    while not step_over(team, ticks, free_before, cfg):
+        move_all(team, pads, cfg, work)
+        touch(team[0], pads, cfg)
+        settle_all(team, cfg, work)
+        free_before = min(free_before, free(team, cfg))
+        ticks += 1
+    end_step(team, cfg, work)
+
+
+@kernel
+def reset_team(team, cfg, work):
+    """Start a run: robots on their circle heading outward, obstacles on theirs, aircraft between.
+
+    Several aircraft stand side by side, as the robots start.
+    """
+    arena = team[0]
+    turn = 2.0 * math.pi * uniform(arena["seed"], arena["episode"], START, 0, 0)
+    begin = 2.0 * math.pi * uniform(arena["seed"], arena["episode"], START, 0, 1)
+    for k in range(CIRCLES):
+        robot = k < ROBOTS
+        count, place = (cfg["robots"], k) if robot else (cfg["obstacles"], k - ROBOTS)
+        if place >= count:
+            continue
+        angle = (turn if robot else begin) + 2.0 * math.pi * place / count
+        radius = cfg["start_circle"] if robot else cfg["obstacle_circle"]
+        arena["fate"][k] = ACTIVE
+        arena["r_R_N"][k, 0], arena["r_R_N"][k, 1] = (
+            radius * math.cos(angle),
+            radius * math.sin(angle),
+        )
+        arena["heading"][k] = angle if robot else angle + 0.5 * math.pi
+    for m in range(team.shape[0]):
+        lane = team[m]
+        lane["agent"], lane["stage"], lane["service"] = m, CRUISE, HOVER
+        lane["height"], lane["t_go"] = cfg["cruise"], cfg["t_f"]
+        lane["remained"], lane["t_success"] = cfg["robots"], cfg["t_f"]
+        lane["r_V_N"][1] = 2.0 * (m - 0.5 * (team.shape[0] - 1))
+        lane["aim_N"][1] = lane["r_V_N"][1]
+        sense(lane, arena, cfg, work)
+        describe(lane, cfg, work)
+
+
+@kernel
+def reset_lanes(lanes, config):
+    """Start every team given."""
+    work, cfg = np.zeros(1, WORK)[0], config[0]
+    size = cfg["aircraft"]
+    for i in range(0, lanes.shape[0], size):
+        reset_team(lanes[i : i + size], cfg, work)
+
+
+@kernel
+def step_kinematic(lanes, actions, config):
+    """Advance every team that is running, contacts by geometry."""
+    work, cfg = np.zeros(1, WORK)[0], config[0]
+    size = cfg["aircraft"]
+    pads = np.zeros((size, 3))
+    for i in range(0, lanes.shape[0], size):
+        if lanes[i]["outcome"] == RUNNING:
+            step_team(lanes[i : i + size], actions[i : i + size], pads, cfg, work)
+
+
+def step_pymunk(lanes: NDArray[Any], actions: Row, config: NDArray[Any]) -> None:
+    """Advance every team that is running, contacts by pymunk."""
+    work, cfg = np.zeros(1, WORK)[0], config[0]
+    size = int(cfg["aircraft"])
+    pads, contacts = np.zeros((size, 3)), Contacts(cfg)
+    for i in range(0, len(lanes), size):
+        team = lanes[i : i + size]
+        if team[0]["outcome"] != RUNNING:
+            continue
+        arena = team[0]
+        free_before, ticks = begin_step(team, actions[i : i + size], cfg), 0
+        while not step_over(team, ticks, free_before, cfg):
+            move_all(team, pads, cfg, work)
+            contacts.touch(arena, pads)
+            settle_all(team, cfg, work)
+            free_before = min(free_before, free(team, cfg))
+            ticks += 1
+        end_step(team, cfg, work)
+
+
+def step_lanes(lanes: NDArray[Any], actions: Row, config: NDArray[Any]) -> None:
+    """Advance every team that is running."""
+    step = step_kinematic if config[0]["arena"] == KINEMATIC else step_pymunk
+    step(lanes, actions, config)
