@@ -43,11 +43,14 @@ LONGEST = 60.0  # that a step can last, s
 def move_all(team, pads, cfg, work):
     """First half of a tick: aircraft fly, robots drive as if alone; writes who is in their way."""
     for m in range(team.shape[0]):
-        lane = team[m]
+        pads[m, 0], pads[m, 1] = team[m]["r_V_N"][0], team[m]["r_V_N"][1]
+    for m in range(team.shape[0]):
         if cfg["action_mode"] == VELOCITY:
-            obey(lane, cfg)
+            obey(team[m], cfg)
         else:
-            fly(lane, cfg, work)
+            fly(team[m], pads, m, cfg, work)
+    for m in range(team.shape[0]):
+        lane = team[m]
         pads[m, 0], pads[m, 1] = lane["r_V_N"][0], lane["r_V_N"][1]
         pads[m, 2] = 1.0 if lane["height"] < cfg["solid_height"] else 0.0
     drive_all(team[0], cfg)
@@ -104,7 +107,7 @@ def end_step(team, cfg, work):
     """Share the score, and write the rows' derived fields."""
     share(team)
     for m in range(team.shape[0]):
-        describe(team[m], cfg, work)
+        describe(team, m, cfg, work)
 
 
 @kernel
@@ -150,7 +153,8 @@ def reset_team(team, cfg, work):
         lane["r_V_N"][1] = 2.0 * (m - 0.5 * (team.shape[0] - 1))
         lane["aim_N"][1] = lane["r_V_N"][1]
         begin_belief(lane, arena, cfg, work)
-        describe(lane, cfg, work)
+    for m in range(team.shape[0]):
+        describe(team, m, cfg, work)
 
 
 @kernel

@@ -12,8 +12,9 @@ from visenvs.guidance.interception import BLOCK, TAP
 
 ROBOTS = 10
 DELAYS = (0.0, 2.0, 4.0)  # how much later than possible to come down, s
+SERVICES = ("block", "tap")  # numbers BLOCK and TAP
 LOOK, GO, HOVER = 2, 3, 4  # what there is to do besides BLOCK and TAP
-LOOK_PLACE = 2 * len(DELAYS)  # of the look among the choices of a robot
+LOOK_PLACE = len(SERVICES) * len(DELAYS)  # of the look among the choices of a robot
 PER_ROBOT = LOOK_PLACE + 1
 SIDE = 3  # places along a side of the arena
 FIRST_PLACE = 1 + ROBOTS * PER_ROBOT
