@@ -31,7 +31,7 @@ from visenvs.envs._herding_belief import begin_belief, describe, sense
 from visenvs.envs._herding_config import KINEMATIC, SCENARIOS, VELOCITY
 from visenvs.envs._herding_layout import LANE, OBSERVATION, VELOCITY_ACTION, WORK
 from visenvs.envs._herding_rules import cross_lines, feel_touches, hit_poles, judge, share
-from visenvs.guidance.choices import CHOICES, HOVER
+from visenvs.guidance.choices import CHOICES, HOVER, PER_ROBOT
 
 ENV_ID = "visenvs/Herding-v0"
 
@@ -209,7 +209,7 @@ TASK = Task(
     scenarios=SCENARIOS,
     lane=LANE,
     observation=OBSERVATION,
-    action=Choices(CHOICES, "allowed"),
+    action=Choices(CHOICES, "allowed", first=1, apiece=PER_ROBOT),
     modes={"velocity": VELOCITY_ACTION},
     team=lambda config: config.aircraft,
     costs=("cost_lost", "cost_remained", "cost_time"),
