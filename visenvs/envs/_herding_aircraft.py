@@ -7,13 +7,14 @@ import math
 from visenvs.core.compile import kernel
 from visenvs.core.noise import normal_pair
 from visenvs.dynamics.lander import descend_or_climb, follow_velocity, glide
-from visenvs.guidance.choices import HOVER, LOOK, meaning
+from visenvs.guidance.choices import GO, HOVER, LOOK, meaning, place_of
 from visenvs.guidance.interception import BLOCK, TAP, aim_at, descent_time, meet
 
 CRUISE, DESCENT, GROUND, CLIMB = 0.0, 1.0, 2.0, 3.0  # stages
 TRACKED = 1.0  # status of a track that can be served
 LANDING = 1  # noise stream: where it comes down
 NEAR = 0.5  # offset from the aim at which the descent begins, m
+FRESH = 0.5  # nobody comes down for a robot that was not seen for longer, s
 ASTRAY = 0.8  # offset at which it is broken off, m
 
 
@@ -25,13 +26,15 @@ def enter(lane, stage):
 
 
 @kernel
-def choose(lane, number):
+def choose(lane, number, cfg):
     """Take up a choice; an aircraft that is busy takes none."""
     if lane["stage"] != CRUISE:
         return
     lane["service"], lane["target"], lane["delay"] = meaning(number)
     for i in range(2):
         lane["aim_N"][i] = lane["r_V_N"][i]  # where it stays if there is nothing to fly to
+    if lane["service"] == GO:
+        lane["aim_N"][0], lane["aim_N"][1] = place_of(lane["target"], cfg["side"])
 
 
 @kernel
@@ -57,14 +60,18 @@ def fly(lane, cfg, work):
 def approach(lane, cfg, work):
     """Fly level to where the service begins, and begin to come down there."""
     service, i = lane["service"], lane["target"]
+    if service == GO or service == HOVER:
+        glide(lane["r_V_N"], lane["v_V_N"], lane["a_V_N"], lane["aim_N"], cfg)
+        return
     serving = service == BLOCK or service == TAP
-    if (serving or service == LOOK) and lane["track_status"][i] == TRACKED:
+    if lane["track_status"][i] == TRACKED:
         kind = BLOCK if service == BLOCK else TAP
         meet(lane, i, kind, lane["delay"], cfg, work["pose"], lane["aim_N"])
     else:
         serving = False
     glide(lane["r_V_N"], lane["v_V_N"], lane["a_V_N"], lane["aim_N"], cfg)
-    if serving and lane["delay"] == 0.0 and off_aim(lane) < NEAR:
+    fresh = serving and lane["track_age"][i] < FRESH
+    if fresh and lane["delay"] == 0.0 and off_aim(lane) < NEAR:
         enter(lane, DESCENT)
         lane["landed"] = 0
         draw_miss(lane, cfg)
@@ -94,6 +101,7 @@ def come_down(lane, cfg, work):
         lane["aim_N"][k] += lane["miss_N"][k]
     if off_aim(lane) > ASTRAY or lane["track_status"][i] != TRACKED:
         lane["aborts"] += 1.0
+        lane["why"][0 if off_aim(lane) > ASTRAY else 1] += 1
         leave(lane)
         return
     glide(lane["r_V_N"], lane["v_V_N"], lane["a_V_N"], lane["aim_N"], cfg)
@@ -111,6 +119,7 @@ def stay(lane, cfg):
     felt = lane["landed"] != 0
     if lane["stage_t"] >= cfg["dwell"] + (0.0 if felt else cfg["patience"]):
         lane["aborts"] += 0.0 if felt else 1.0
+        lane["why"][2] += 0.0 if felt else 1.0
         leave(lane)
 
 

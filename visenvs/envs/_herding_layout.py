@@ -8,11 +8,12 @@ from visenvs.core.lanes import lane_dtype
 from visenvs.core.layout import Field, Layout
 from visenvs.dynamics import ground_robot
 from visenvs.dynamics.ground_robot import OBSTACLES, ROBOTS
+from visenvs.estimation.herd import bank_dtype, work_dtype
 from visenvs.guidance.choices import CHOICES
 from visenvs.guidance.interception import POSE
+from visenvs.sensors.ground_camera import FALSE
 
 N = len(CHOICES)
-UNSEEN = 60.0  # age of an obstacle that has never been seen, s
 
 LANE = lane_dtype([
     *ground_robot.COLUMNS,
@@ -26,6 +27,8 @@ LANE = lane_dtype([
     ("command", "f8", (2,)), ("down", "f8"),  # velocity set-point, m/s; 1 to come down
     ("at_pole", "i8"), ("agent", "i8"),
     # belief
+    ("bank", bank_dtype(ROBOTS)),
+    ("noted", "i8"), ("touched_top", "i8"),  # a touch has been told to the filters; it was a tap
     ("track_r_N", "f8", (2 * ROBOTS,)),
     ("track_sin", "f8", (ROBOTS,)), ("track_cos", "f8", (ROBOTS,)),
     ("track_p_spin", "f8", (ROBOTS,)), ("track_phase", "f8", (ROBOTS,)),
@@ -42,6 +45,7 @@ LANE = lane_dtype([
     ("goaled", "f8"), ("removed", "f8"), ("remained", "f8"), ("touches", "f8"),
     ("blocks", "f8"), ("taps", "f8"), ("aborts", "f8"), ("pole_contacts", "f8"),
     ("herded", "f8"),  # of the goaled, those that were touched
+    ("why","f8",(4,)),
     ("t_success", "f8"),  # when the last robot that success needs was goaled, s; t_f if never
 ])  # fmt: skip
 
@@ -85,4 +89,9 @@ VELOCITY_ACTION = Layout((
     Field("descend", 1, "", "", -1.0, 1.0, 1.0, "above 0: come down, or stay down; else climb"),
 ))  # fmt: skip
 
-WORK = np.dtype([("pose", "f8", (POSE,)), ("aim", "f8", (2,))])
+WORK = np.dtype([
+    ("pose", "f8", (POSE,)), ("aim", "f8", (2,)),
+    ("camera", "f8", (4,)), ("active", "f8", (ROBOTS,)),
+    ("seen", "f8", (ROBOTS + FALSE, 2)), ("labels", "f8", (ROBOTS + FALSE,)),
+    ("herd", work_dtype(ROBOTS)),
+])  # fmt: skip

@@ -56,7 +56,9 @@ def feel_touches(team, cfg):
             lane = team[arena["met"][k] - 1]
             if lane["landed"] == 0:
                 lane["landed"] = k + 1
+                lane["touched_top"] = 0
                 lane["blocks"] += 1.0
+                lane["touches"] += 1.0
             arena["touched"][k] = 1
     for m in range(team.shape[0]):
         lane = team[m]
@@ -78,7 +80,9 @@ def tap_nearest(arena, lane, cfg):
         if arena["fate"][k] == ACTIVE and math.hypot(north, east) <= cfg["tap_radius"]:
             arena["tapped"][k] = arena["touched"][k] = 1
             lane["landed"] = k + 1
+            lane["touched_top"] = 1
             lane["taps"] += 1.0
+            lane["touches"] += 1.0
             return True
     return False
 

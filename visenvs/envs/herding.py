@@ -20,16 +20,16 @@ from numpy.typing import NDArray
 
 from visenvs.core.compile import kernel
 from visenvs.core.lanes import Task
-from visenvs.core.layout import Row
+from visenvs.core.layout import Choices, Row
 from visenvs.core.noise import uniform
 from visenvs.core.outcome import RUNNING
 from visenvs.dynamics.arena import Contacts
 from visenvs.dynamics.ground_robot import ACTIVE, CIRCLES, ROBOTS, drive_all
 from visenvs.dynamics.kinematic_arena import touch
 from visenvs.envs._herding_aircraft import CRUISE, choose, fly, obey
-from visenvs.envs._herding_belief import describe, tell_truth
-from visenvs.envs._herding_config import KINEMATIC, SCENARIOS, TRUTH, VELOCITY
-from visenvs.envs._herding_layout import LANE, OBSERVATION, WORK
+from visenvs.envs._herding_belief import begin_belief, describe, sense
+from visenvs.envs._herding_config import KINEMATIC, SCENARIOS, VELOCITY
+from visenvs.envs._herding_layout import LANE, OBSERVATION, VELOCITY_ACTION, WORK
 from visenvs.envs._herding_rules import cross_lines, feel_touches, hit_poles, judge, share
 from visenvs.guidance.choices import CHOICES, HOVER
 
@@ -68,13 +68,6 @@ def settle_all(team, cfg, work):
 
 
 @kernel
-def sense(lane, arena, cfg, work):
-    """Bring the belief of one aircraft up to date."""
-    if cfg["estimator"] == TRUTH:
-        tell_truth(lane, arena)
-
-
-@kernel
 def begin_step(team, actions, cfg):
     """Take up the choices; returns how many aircraft are free to choose again."""
     for m in range(team.shape[0]):
@@ -84,7 +77,7 @@ def begin_step(team, actions, cfg):
                 lane["command"][i] = cfg["v_max"] * min(max(action[i], -1.0), 1.0)
             lane["down"] = 1.0 if action[2] > 0.0 else 0.0
         else:
-            choose(lane, int(action[0]))
+            choose(lane, int(action[0]), cfg)
     return free(team, cfg)
 
 
@@ -156,7 +149,7 @@ def reset_team(team, cfg, work):
         lane["remained"], lane["t_success"] = cfg["robots"], cfg["t_f"]
         lane["r_V_N"][1] = 2.0 * (m - 0.5 * (team.shape[0] - 1))
         lane["aim_N"][1] = lane["r_V_N"][1]
-        sense(lane, arena, cfg, work)
+        begin_belief(lane, arena, cfg, work)
         describe(lane, cfg, work)
 
 
@@ -202,5 +195,36 @@ def step_pymunk(lanes: NDArray[Any], actions: Row, config: NDArray[Any]) -> None
 
 def step_lanes(lanes: NDArray[Any], actions: Row, config: NDArray[Any]) -> None:
     """Advance every team that is running."""
-    step = step_kinematic if config[0]["arena"] == KINEMATIC else step_pymunk
+    step: Any = step_kinematic if config[0]["arena"] == KINEMATIC else step_pymunk
     step(lanes, actions, config)
+
+
+TASK = Task(
+    id=ENV_ID,
+    summary="turn ten ground robots over one line of an arena, in ten minutes",
+    scenarios=SCENARIOS,
+    lane=LANE,
+    observation=OBSERVATION,
+    action=Choices(CHOICES, "allowed"),
+    modes={"velocity": VELOCITY_ACTION},
+    team=lambda config: config.aircraft,
+    costs=("cost_lost", "cost_remained", "cost_time"),
+    metrics={
+        "total_cost": "thousand points",
+        "goaled": "",
+        "removed": "",
+        "remained": "",
+        "herded": "",
+        "touches": "",
+        "blocks": "",
+        "taps": "",
+        "aborts": "",
+        "pole_contacts": "",
+        "t_success": "s",
+    },
+    reset_lanes=reset_lanes,
+    step_lanes=step_lanes,
+    picture="visenvs.render.herding:draw",
+    reference="index",
+    shown=("goaled", "t_success"),
+)

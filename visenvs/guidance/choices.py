@@ -1,4 +1,9 @@
-"""The choices of a herding aircraft, by number: a service of a robot, a look at one, or neither."""
+"""The choices of a herding aircraft, by number: a service of a robot, a look at one or at a place.
+
+The places are the middles of nine equal squares of the arena: whom nobody sees has to be searched
+for. The first is to hover; an aircraft that is busy, coming down or climbing, goes on with that and may
+choose nothing else.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +12,11 @@ from visenvs.guidance.interception import BLOCK, TAP
 
 ROBOTS = 10
 DELAYS = (0.0, 2.0, 4.0)  # how much later than possible to come down, s
-LOOK, HOVER, CONTINUE = 2, 3, 4  # what there is to do besides BLOCK and TAP
+LOOK, GO, HOVER = 2, 3, 4  # what there is to do besides BLOCK and TAP
 LOOK_PLACE = 2 * len(DELAYS)  # of the look among the choices of a robot
 PER_ROBOT = LOOK_PLACE + 1
-LAST = 1 + ROBOTS * PER_ROBOT
+SIDE = 3  # places along a side of the arena
+FIRST_PLACE = 1 + ROBOTS * PER_ROBOT
 
 
 def _of_robot(i: int) -> tuple[str, ...]:
@@ -22,7 +28,11 @@ def _of_robot(i: int) -> tuple[str, ...]:
     )
 
 
-CHOICES = ("hover", *(name for i in range(ROBOTS) for name in _of_robot(i)), "continue")
+CHOICES = (
+    "hover",
+    *(name for i in range(ROBOTS) for name in _of_robot(i)),
+    *(f"go to {n} {e}" for n in ("south", "middle", "north") for e in ("west", "middle", "east")),
+)
 
 
 @kernel
@@ -39,13 +49,19 @@ def look_at(robot):
 
 @kernel
 def meaning(number):
-    """What a choice is: BLOCK, TAP, LOOK, HOVER or CONTINUE; the robot; the delay, s."""
+    """What a choice is: BLOCK, TAP, LOOK, GO or HOVER; the robot or place; the delay, s."""
     if number == 0:
         return HOVER, 0, 0.0
-    if number >= LAST:
-        return CONTINUE, 0, 0.0
+    if number >= FIRST_PLACE:
+        return GO, number - FIRST_PLACE, 0.0
     robot, place = (number - 1) // PER_ROBOT, (number - 1) % PER_ROBOT
     if place == LOOK_PLACE:
         return LOOK, robot, 0.0
     late = place % len(DELAYS)
     return (TAP if place >= len(DELAYS) else BLOCK), robot, DELAYS[late]
+
+
+@kernel
+def place_of(k, side):
+    """Place k, north and east, m, of an arena of that side (m)."""
+    return (k // SIDE + 0.5) * side / SIDE - 0.5 * side, (k % SIDE + 0.5) * side / SIDE - 0.5 * side

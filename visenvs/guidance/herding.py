@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from visenvs.core.compile import kernel
 from visenvs.core.registry import Law
-from visenvs.guidance.choices import DELAYS, LAST, ROBOTS, look_at, number_of
+from visenvs.guidance.choices import DELAYS, ROBOTS, look_at, number_of
 from visenvs.guidance.herding_value import value, value_table
 from visenvs.guidance.interception import BLOCK, POSE, TAP, meet
 
@@ -53,12 +53,10 @@ def follow_rule(away, beliefs, settings, commands):
                     nearest, to_wait = north, i
                 if north > first and b["track_cos"][i] <= -away:
                     first, to_block = north, i
-        if b["allowed"][LAST] > 0.5:
-            commands[n, 0] = LAST
-        elif to_block >= 0:
-            commands[n, 0] = number_of(to_block, BLOCK, 0)
-        else:
-            commands[n, 0] = look_at(to_wait) if to_wait >= 0 else 0
+        best = number_of(to_block, BLOCK, 0) if to_block >= 0 else 0
+        if best == 0 and to_wait >= 0:
+            best = look_at(to_wait)
+        commands[n, 0] = best if b["allowed"][best] > 0.5 else 0
 
 
 @kernel
@@ -104,7 +102,7 @@ def stalest(belief):
     """The look at the track that has not been seen for longest, as its number; 0 if all are fresh."""
     oldest, best = STALE, 0
     for i in range(ROBOTS):
-        if belief["track_status"][i] == TRACKED and belief["track_age"][i] > oldest:
+        if belief["allowed"][look_at(i)] > 0.5 and belief["track_age"][i] > oldest:
             oldest, best = belief["track_age"][i], look_at(i)
     return best
 
@@ -115,9 +113,6 @@ def choose_by_index(look_around, V, beliefs, settings, commands):
     pose, aim = np.zeros(POSE), np.zeros(2)
     for n in range(beliefs.shape[0]):
         b = beliefs[n]
-        if b["allowed"][LAST] > 0.5:
-            commands[n, 0] = LAST
-            continue
         best = most_gain(b, V, settings[0], pose, aim)
         if best == 0 and look_around:
             best = stalest(b)
