@@ -18,18 +18,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visenvs.core.compile import kernel
-from visenvs.core.config import override, to_record
 from visenvs.core.frames import wrap_angle
-from visenvs.core.lanes import lane_dtype
 from visenvs.core.noise import normal, uniform
-from visenvs.dynamics import ground_robot, lander
+from visenvs.dynamics import lander
 from visenvs.dynamics.ground_robot import NOISE, REVERSE, drive_robot, enter
-from visenvs.envs._herding_config import HerdingConfig
 from visenvs.estimation import mmae
 from visenvs.sensors.ground_camera import FALSE, look, pixel_size
 
 from ..rollout import public_seeds
 from . import Row, standard_error
+from ._iarc import ARENA, NEVER, rms, settings
 
 CASE = "iarc-fig5"
 ESTIMATORS = ("ekf", "printed", "hand_over")
@@ -41,7 +39,6 @@ SWERVE_RATE = 0.064 / 0.258  # largest, rad/s (Table 1)
 AFTER = 5.0  # s after the spin over which errors are counted by themselves
 NEAR = math.radians(15.0)
 FIRST, HEADING, CAMERA = 0, 1, 2  # noise streams
-ARENA = lane_dtype([*ground_robot.COLUMNS])
 STEP = np.dtype(
     [
         ("t", "f8"), ("r", "f8", 2), ("heading", "f8"), ("spinning", "f8"),
@@ -58,14 +55,9 @@ WORK = np.dtype(
 Values = NDArray[np.float64]
 
 
-def settings() -> NDArray[Any]:
-    """One record: the robot's timers are kept from it, as the scenario sets its modes."""
-    changes = {
-        "tick": 1.0 / RATE, "camera_every": 1.0 / RATE, "dt": 1.0, "cruise": HEIGHT,
-        "fov": math.radians(80.0), "false_detections": 0.0,
-        "period": 1e3, "noise_every": 1e3,
-    }  # fmt: skip
-    return to_record(override(HerdingConfig(), changes))
+def scene() -> NDArray[Any]:
+    """Settings; the timers of the robot rest, as the scenario sets its modes."""
+    return settings(1.0 / RATE, noise_every=NEVER, cruise=HEIGHT)
 
 
 @kernel
@@ -149,7 +141,7 @@ def runs(kind: int, episodes: int) -> NDArray[Any]:
     """STEP records of all runs, shape (episodes, pictures)."""
     out = np.zeros((episodes, RATE * SECONDS), STEP)
     for run, seed in zip(out, public_seeds(episodes), strict=True):
-        cfg, arena, work = settings()[0], np.zeros(1, ARENA)[0], np.zeros(1, WORK)[0]
+        cfg, arena, work = scene()[0], np.zeros(1, ARENA)[0], np.zeros(1, WORK)[0]
         fly(kind, seed, cfg, arena, work, run)
     return out
 
@@ -165,15 +157,10 @@ def first_time(holds: NDArray[np.bool_], t: Values, since: float) -> Values:
     return np.where(late.any(axis=1), t[late.argmax(axis=1)] - since, np.inf)
 
 
-def rms(values: Values) -> float:
-    """Root mean square."""
-    return float(np.sqrt(np.mean(values**2)))
-
-
 def figures(kind: int, episodes: int) -> dict[str, tuple[float, float]]:
     """Every figure of one estimator with its standard error."""
     found = runs(kind, episodes)
-    t, end = found["t"][0], SPIN + settings()[0]["spin_time"]
+    t, end = found["t"][0], SPIN + scene()[0]["spin_time"]
     away = np.hypot(*np.moveaxis(found["rhat"] - found["r"], -1, 0))
     off, after = heading_errors(found), (t > end) & (t <= end + AFTER)
     straight = (t > SETTLED) & ((t < SPIN) | (t > end + AFTER))
@@ -242,7 +229,7 @@ def plot(folder: Path, episodes: int) -> Path:
     names = ("place error (mm)", "heading error (deg)", "probability of a spin", "image error (px)")
     for axes, name in zip(panels, names, strict=True):
         axes.set(ylabel=name, xlim=(FOUND, SECONDS))
-        axes.axvspan(SPIN, SPIN + settings()[0]["spin_time"], color="0.9")
+        axes.axvspan(SPIN, SPIN + scene()[0]["spin_time"], color="0.9")
         for begin_s, length in SWERVES:
             axes.axvspan(begin_s, begin_s + length, color="0.96")
         axes.grid(alpha=0.3)

@@ -31,7 +31,7 @@ from visenvs.estimation.slope import SIGHTS, course, push, velocity
 ALONE = 60.0  # price of a finding that is no track's: more than of any that is
 OUT_OF_SIGHT = 0.45  # age at which a track goes on by what its robot should be doing, s
 NEAR = 0.3  # how far a candidate may be found from where it was, m
-SURE, HITS = 3, 5  # sights after which a candidate is something, and after which a track
+SURE, HITS = 4, 5  # sights after which a candidate is something, and after which a track
 PATIENCE = 4  # misses in a row that end it
 TURNED = 0.1  # share of robots that have run into something while nobody saw them
 SPINNING = 0.15  # probability of a spin of a robot found again, and of none, at least

@@ -23,7 +23,7 @@ from visenvs.estimation.ekf import update_sequential
 
 STRAIGHT, SPIN = 0, 1
 Q_PLACE = 0.02**2  # process noise of the place, m^2/s (27), (28)
-Q_HEADING = 0.35**2  # of the heading while going straight: wide enough for the turns, rad^2/s
+Q_HEADING = 0.25**2  # of the heading while going straight: wide enough for the turns, rad^2/s
 Q_SPINNING = 0.05**2  # of the heading while spinning, rad^2/s
 LEAST = 0.01  # probability that a mode keeps at least
 QUIET = 0.2  # probability of a spin below which none is on its way

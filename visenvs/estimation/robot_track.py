@@ -17,7 +17,7 @@ from visenvs.estimation.mmae import NEVER, SPIN, STRAIGHT
 from visenvs.estimation.slope import SIGHTS, course, push
 
 NONE, TRACKED, FINISHED = 0.0, 1.0, 2.0
-CANDIDATES, OTHERS = 6, 4
+CANDIDATES, OTHERS = 12, 4
 GATE = 11.8  # z-test value of a place that is a track's, chi-square of 2 at 99.7 %
 MOVING = 0.65  # share of the speed above which a robot goes straight,
 DOUBTFUL = 0.3  # if its standard deviation is below this share
