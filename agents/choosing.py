@@ -37,15 +37,16 @@ class Things(BaseFeaturesExtractor):
         once, listed = layout.members()
         self.each, self.pooled = len(listed), len(once) + 2 * width
         super().__init__(observation_space, self.pooled + self.each * width)
-        self.encoder = nn.Sequential(layers(len(once) + listed.shape[1], width, width), nn.ReLU())
+        self.beside, self.own = nn.Linear(len(once), width), nn.Linear(listed.shape[1], width)
+        self.second = nn.Linear(width, width)
         self._once, self._listed = torch.from_numpy(once), torch.from_numpy(listed)
 
     def forward(self, observations: Tensor) -> Tensor:
         """Features (n, features_dim) of rows (n, size)."""
         once, things = observations[:, self._once], observations[:, self._listed]
         present = (things != 0).any(dim=2, keepdim=True)
-        beside = once[:, None, :].expand(-1, self.each, -1)
-        found = self.encoder(torch.cat([beside, things], dim=2)) * present
+        first = torch.relu(self.own(things) + self.beside(once)[:, None, :])
+        found = torch.relu(self.second(first)) * present
         pool = [once, found.amax(dim=1), found.mean(dim=1)]
         return torch.cat([*pool, found.flatten(1)], dim=1)
 
@@ -57,15 +58,16 @@ class Head(nn.Module):
         super().__init__()
         self._pooled, self._each, self._first = pooled, each, choices.first
         others = len(choices.names) - each * choices.apiece
-        self.apiece = layers(pooled + width, width, choices.apiece)
+        self.beside, self.own = nn.Linear(pooled, width), nn.Linear(width, width)
+        self.apiece = nn.Linear(width, choices.apiece)
         self.others = layers(pooled, width, others)
 
     def forward(self, features: Tensor) -> Tensor:
         """Logits (n, choices)."""
         pool, things = features[:, : self._pooled], features[:, self._pooled :]
         things = things.view(len(features), self._each, -1)
-        beside = pool[:, None, :].expand(-1, self._each, -1)
-        own = self.apiece(torch.cat([beside, things], dim=2)).flatten(1)
+        hidden = torch.relu(self.own(things) + self.beside(pool)[:, None, :])
+        own = self.apiece(hidden).flatten(1)
         others = self.others(pool)
         return torch.cat([others[:, : self._first], own, others[:, self._first :]], dim=1)
 
@@ -112,7 +114,7 @@ class SetChoicePolicy(MaskableActorCriticPolicy):
         self.action_net = Head(things.pooled, things.each, self._width, self._choices)
         self.value_net = Worth(things.pooled, self._width)
         with torch.no_grad():  # begin with nearly equal chances
-            for net in (self.action_net.apiece, self.action_net.others):
-                net[-1].weight.mul_(0.1)
+            self.action_net.apiece.weight.mul_(0.1)
+            self.action_net.others[-1].weight.mul_(0.1)
         options: Any = self.optimizer_kwargs
         self.optimizer = self.optimizer_class(self.parameters(), lr=lr_schedule(1), **options)

@@ -32,7 +32,7 @@ FIRST_LAYER = {
     "ppo": "mlp_extractor.policy_net.0.weight",
 }
 SETS = "features_extractor.encoder."  # our own, see `sets.py`
-CHOOSING = "action_net.apiece.0.weight"  # our own, see `choosing.py`
+CHOOSING = "action_net.apiece.weight"  # our own, see `choosing.py`
 CARD = ("information", "algo", "residual", "steps")  # what is read of it besides its sha256
 RESIDUAL = {"law", "scale"}
 ACTIVATIONS = ("Tanh", "ReLU", "ELU", "LeakyReLU", "SiLU", "GELU")
@@ -214,7 +214,7 @@ def _architecture(
             "it needs --trust"
         )
     if CHOOSING in weights:
-        return Architecture(algo, [], activation, sets=weights[CHOOSING].shape[0])
+        return Architecture(algo, [], activation, sets=weights[CHOOSING].shape[1])
     if algo in ("ppo", "recurrent_ppo"):
         pi, vf = (_widths(weights, f"mlp_extractor.{part}_net") for part in ("policy", "value"))
         lstm = weights["lstm_actor.weight_hh_l0"].shape[1] if algo == "recurrent_ppo" else 0

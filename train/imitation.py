@@ -19,7 +19,7 @@ from .vec_env import LaneVecEnv
 
 ROUNDS = 8  # of gathering and learning; the law flies in the first
 PASSES = 2  # over all that was gathered, in every round; the last has twice as many
-BATCH = 1024
+BATCH = 512
 RATE = 1e-3
 
 

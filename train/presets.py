@@ -24,6 +24,7 @@ class Preset:
         policy: arguments of its policy (`net_arch`, `log_std_init`, ...).
         sets: width of the network that reads what a row lists in any order (PPO only); 0 for none.
         imitation: steps in which `--imitate LAW` gathers what the law would do.
+        validation: episodes of a validation.
         settings: of the environment, in training and validation.
         residual_scale: what a residual may add to a law, over the longest action.
         reward_floor, unit: see `train.vec_env.LaneVecEnv`.
@@ -34,6 +35,7 @@ class Preset:
     policy: dict[str, Any] = field(default_factory=dict)
     sets: int = 0
     imitation: int = 0
+    validation: int = 1000
     settings: dict[str, Any] = field(default_factory=dict)
     residual_scale: float = 0.3
     reward_floor: float = float("-inf")
@@ -101,7 +103,8 @@ PRESETS: dict[tuple[str, Algo], Preset] = {
         | {"n_steps": 256, "batch_size": 2048, "n_epochs": 3, "gamma": 0.998, "gae_lambda": 0.9}
         | {"learning_rate": 2e-4, "ent_coef": 0.001, "target_kl": 0.02},
         sets=64,
-        imitation=200_000,
+        imitation=300_000,
+        validation=200,
         settings={"arena": "kinematic"},
     ),
     ("visenvs/Avoidance-v0", "ppo"): Preset(

@@ -90,7 +90,8 @@ def train(options: Options, preset: Preset | None = None) -> None:
     run = open_run(options, task, scenario, config)
     lanes, validation = build_lanes(options, preset, task, config, run["sessions"])
     model = build_model(options, preset, lanes)
-    if options.imitate is not None and not model.num_timesteps:
+    fresh = options.imitate is not None and not model.num_timesteps
+    if options.imitate is not None and fresh:
         law = registry.load_law(options.imitate, task, config)
         imitate(model.policy, lanes, law, preset.imitation)
     options.out.mkdir(parents=True, exist_ok=True)
@@ -101,7 +102,7 @@ def train(options: Options, preset: Preset | None = None) -> None:
         write_json(options.out / "run.json", run)
         write_json(options.out / "card.json", card(options, task, scenario, preset, run))
 
-    keeper = Keeper(validation, options.validate_every, options.out, run["best"], note)
+    keeper = Keeper(validation, options.validate_every, options.out, run["best"], note, fresh)
     began, cpu, before = time.time(), time.process_time(), model.num_timesteps
     finished = False
     try:
@@ -223,7 +224,7 @@ def build_lanes(
         preset.reward_floor,
         preset.unit,
     )
-    return lanes, LaneVecEnv(task, config, VALIDATION_SEEDS, residual)
+    return lanes, LaneVecEnv(task, config, VALIDATION_SEEDS[: preset.validation], residual)
 
 
 def scale_of(options: Options, preset: Preset) -> float:
@@ -280,7 +281,7 @@ def card(
         "reached": best,
         "seeds": {
             "training": [0, TRAINING_SEEDS - 1],
-            "validation": [VALIDATION_SEEDS[0], VALIDATION_SEEDS[-1]],
+            "validation": [VALIDATION_SEEDS[0], VALIDATION_SEEDS[preset.validation - 1]],
         },
         "sha256": digest(options.out / "model.zip"),
         **{key: run[key] for key in ("command", "versions", "commit", "date")},

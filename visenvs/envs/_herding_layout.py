@@ -71,6 +71,7 @@ TRACKS = (
 )  # fmt: skip
 AIRCRAFT = (
     Field("r_V_N", 2, "m", "N", -20.0, 20.0, 10.0, "own place"),
+    Field("aim_N", 2, "m", "N", -20.0, 20.0, 10.0, "where it is bound"),
     Field("v_V_N", 2, "m/s", "N", -5.0, 5.0, 2.0, "own velocity"),
     Field("height", 1, "m", "", 0.0, 10.0, 3.0, "own height"),
     Field("stage", 1, "", "", 0.0, 3.0, 1.0, "0 cruise, 1 descent, 2 on the ground, 3 climb"),

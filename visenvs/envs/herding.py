@@ -23,9 +23,9 @@ from visenvs.core.lanes import Task
 from visenvs.core.layout import Choices, Row
 from visenvs.core.noise import uniform
 from visenvs.core.outcome import RUNNING
-from visenvs.dynamics.arena import Contacts
+from visenvs.dynamics.arena import settle
 from visenvs.dynamics.ground_robot import ACTIVE, CIRCLES, ROBOTS, drive_all
-from visenvs.dynamics.kinematic_arena import touch
+from visenvs.dynamics.kinematic_arena import crowded, touch
 from visenvs.envs._herding_aircraft import CRUISE, choose, fly, obey
 from visenvs.envs._herding_belief import begin_belief, describe, sense
 from visenvs.envs._herding_config import KINEMATIC, SCENARIOS, VELOCITY
@@ -111,16 +111,35 @@ def end_step(team, cfg, work):
 
 
 @kernel
-def step_team(team, actions, pads, cfg, work):
-    """One step of one arena with contacts by geometry."""
-    free_before, ticks = begin_step(team, actions, cfg), 0
-    while not step_over(team, ticks, free_before, cfg):
-        move_all(team, pads, cfg, work)
-        touch(team[0], pads, cfg)
+def run_team(team, actions, pads, near, progress, cfg, work):
+    """One step of one arena; False when it is over, True to have contacts settled by pymunk.
+
+    After that it is called again, and goes on in the middle of the tick where it has stopped.
+
+    Args:
+        team, actions: records and actions of the aircraft that share the arena.
+        pads: receives place and solidity of each, (aircraft, 3); see `kinematic_arena.touch`.
+        near: receives 1 for the circles that are in contact, (CIRCLES,).
+        progress: ticks, aircraft that have been free, and whether contacts have been settled; zero
+            at the beginning of a step, (3,).
+    """
+    settled = progress[2] != 0
+    if not settled:
+        progress[1] = begin_step(team, actions, cfg)
+    while settled or not step_over(team, progress[0], progress[1], cfg):
+        if not settled:
+            move_all(team, pads, cfg, work)
+            if crowded(team[0], pads, near, cfg):
+                if cfg["arena"] != KINEMATIC:
+                    progress[2] = 1
+                    return True
+                touch(team[0], pads, cfg)
+        settled = False
         settle_all(team, cfg, work)
-        free_before = min(free_before, free(team, cfg))
-        ticks += 1
+        progress[0] += 1
+        progress[1] = min(progress[1], free(team, cfg))
     end_step(team, cfg, work)
+    return False
 
 
 @kernel
@@ -166,41 +185,17 @@ def reset_lanes(lanes, config):
         reset_team(lanes[i : i + size], cfg, work)
 
 
-@kernel
-def step_kinematic(lanes, actions, config):
-    """Advance every team that is running, contacts by geometry."""
-    work, cfg = np.zeros(1, WORK)[0], config[0]
-    size = cfg["aircraft"]
-    pads = np.zeros((size, 3))
-    for i in range(0, lanes.shape[0], size):
-        if lanes[i]["outcome"] == RUNNING:
-            step_team(lanes[i : i + size], actions[i : i + size], pads, cfg, work)
-
-
-def step_pymunk(lanes: NDArray[Any], actions: Row, config: NDArray[Any]) -> None:
-    """Advance every team that is running, contacts by pymunk."""
-    work, cfg = np.zeros(1, WORK)[0], config[0]
-    size = int(cfg["aircraft"])
-    pads, contacts = np.zeros((size, 3)), Contacts(cfg)
-    for i in range(0, len(lanes), size):
-        team = lanes[i : i + size]
-        if team[0]["outcome"] != RUNNING:
-            continue
-        arena = team[0]
-        free_before, ticks = begin_step(team, actions[i : i + size], cfg), 0
-        while not step_over(team, ticks, free_before, cfg):
-            move_all(team, pads, cfg, work)
-            contacts.touch(arena, pads)
-            settle_all(team, cfg, work)
-            free_before = min(free_before, free(team, cfg))
-            ticks += 1
-        end_step(team, cfg, work)
-
-
 def step_lanes(lanes: NDArray[Any], actions: Row, config: NDArray[Any]) -> None:
     """Advance every team that is running."""
-    step: Any = step_kinematic if config[0]["arena"] == KINEMATIC else step_pymunk
-    step(lanes, actions, config)
+    work, cfg = np.zeros(1, WORK)[0], config[0]
+    size = int(cfg["aircraft"])
+    pads, near, progress = np.zeros((size, 3)), np.zeros(CIRCLES, np.int64), np.zeros(3, np.int64)
+    for i in range(0, len(lanes), size):
+        team, chosen = lanes[i : i + size], actions[i : i + size]
+        if team["outcome"][0] == RUNNING:
+            progress[:] = 0
+            while run_team(team, chosen, pads, near, progress, cfg, work):
+                settle(team[0], pads, near, cfg)
 
 
 TASK = Task(

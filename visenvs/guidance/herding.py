@@ -25,6 +25,7 @@ from visenvs.guidance.choices import (
     SERVICES,
     SIDE,
     look_at,
+    nearest_place,
     number_of,
 )
 from visenvs.guidance.herding_value import KEY, value, value_table
@@ -32,6 +33,7 @@ from visenvs.guidance.interception import BLOCK, POSE, meet
 
 TRACKED, NOBODY = 1.0, 0.0  # status of a track
 AWAY = 0.4  # how far a robot must point away from the goal line to be blocked by the paper's rule
+ARRIVED = 1.0  # this near to a place, it is searched, m
 CLAIM = 1.2  # a robot this near to where another aircraft is bound is that one's, m
 
 
@@ -44,7 +46,6 @@ class Temper(NamedTuple):
         stale: a track not seen for so long is looked at before it is served, s.
         idle: with nothing to serve, a track not seen for so long is looked at, s.
         doubt: standard deviation of a place at which a service is worth 1/e, m.
-        search: with nobody to serve or to look at and robots missing, so long in each place, s.
         spread: 1 to average over the heading's standard deviation, 0 to believe the heading.
     """
 
@@ -53,17 +54,16 @@ class Temper(NamedTuple):
     stale: float
     idle: float
     doubt: float
-    search: float
     spread: float
 
 
-PLAIN = Temper(1.5, 0.02, 1.0, 1.0, math.inf, 5.0, 0.0)
-LOOKING = Temper(8.0, 0.02, 5.0, 100.0, 1.5, 5.0, 1.0)
+PLAIN = Temper(1.5, 0.02, 1.0, 1.0, math.inf, 0.0)
+LOOKING = Temper(8.0, 0.02, 5.0, 100.0, 1.5, 1.0)
 
 TRACK_FIELDS = (
     "track_r_N", "track_sin", "track_cos", "track_p_spin", "track_phase", "track_sd_r",
-    "track_sd_heading", "track_age", "track_status", "r_V_N", "height", "t_go", "others_N",
-    "others_first", "allowed",
+    "track_sd_heading", "track_age", "track_status", "r_V_N", "aim_N", "height", "t_go",
+    "others_N", "others_first", "allowed",
 )  # fmt: skip
 MEETING = (
     "speed", "spin_time", "period", "robot_radius", "aircraft_radius", "v_max", "v_descent",
@@ -154,15 +154,22 @@ def most_gain(belief, V, temper, cfg, pose, aim):
 
 
 @kernel
-def look_about(belief, temper):
-    """With nothing to serve: the track not seen for longest, else a search for who is missing."""
+def look_about(belief, temper, cfg):
+    """With nothing to serve: the track not seen for longest, else a search for who is missing.
+
+    The search goes from place to place; where the aircraft is bound tells how far it has come.
+    """
     oldest, best, missing = temper.idle, 0, 0
     for i in range(ROBOTS):
         missing += belief["track_status"][i] == NOBODY
         if belief["allowed"][look_at(i)] > 0.5 and belief["track_age"][i] > oldest:
             oldest, best = belief["track_age"][i], look_at(i)
     if best == 0 and missing and belief["allowed"][FIRST_PLACE] > 0.5:
-        best = FIRST_PLACE + int(belief["t_go"] / temper.search) % (SIDE * SIDE)
+        bound, off = nearest_place(belief["aim_N"], cfg["side"])
+        here, away = nearest_place(belief["r_V_N"], cfg["side"])
+        if off > ARRIVED or (here == bound and away < ARRIVED):
+            bound = (here + 1) % (SIDE * SIDE) if away < ARRIVED else here
+        best = FIRST_PLACE + bound
     return best
 
 
@@ -172,7 +179,7 @@ def choose_by_index(temper, V, beliefs, settings, commands):
     pose, aim = np.zeros(POSE), np.zeros(2)
     for n in range(beliefs.shape[0]):
         best = most_gain(beliefs[n], V, temper, settings[0], pose, aim)
-        commands[n, 0] = best if best else look_about(beliefs[n], temper)
+        commands[n, 0] = best if best else look_about(beliefs[n], temper, settings[0])
 
 
 def follow_index(
