@@ -198,7 +198,7 @@ def _architecture(
         name
         for name in weights
         if name.startswith(("features_extractor.", "actor.features_extractor."))
-        and not (algo == "ppo" and name.startswith(SETS))
+        and not (algo == "ppo" and (name.startswith(SETS) or CHOOSING in weights))
     ]
     if extra:
         raise ValueError(
@@ -266,9 +266,7 @@ def _spaces(task: Task) -> tuple[Any, Any]:
     return task.observation.space, task.action.space
 
 
-def _fill(
-    policy: Any, weights: dict[str, Any], arch: Architecture, task: Task, path: Path
-) -> Any:
+def _fill(policy: Any, weights: dict[str, Any], arch: Architecture, task: Task, path: Path) -> Any:
     try:
         policy.load_state_dict(weights)
     except RuntimeError as error:
