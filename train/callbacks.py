@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,14 +14,9 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
+from visenvs.core.files import replacing
+
 from .vec_env import LaneVecEnv
-
-
-def save_whole(save: Callable[[Path], None], path: Path) -> None:
-    """Save under a temporary name, then rename."""
-    temporary = path.with_name(f".{path.stem}.tmp{path.suffix}")
-    save(temporary)
-    os.replace(temporary, path)
 
 
 class Keeper(BaseCallback):
@@ -35,6 +29,7 @@ class Keeper(BaseCallback):
         best: mean cost, steps and success rate of the best model of an earlier session, or None.
         note: called with these figures whenever there is a new best model, to write its card: a
             training that is killed must not leave a model without one.
+        at_once: also validate before the first step, where the network has learnt already.
     """
 
     def __init__(
@@ -44,6 +39,7 @@ class Keeper(BaseCallback):
         out: Path,
         best: dict[str, Any] | None,
         note: Callable[[dict[str, Any]], None],
+        at_once: bool = False,
     ) -> None:
         super().__init__()
         self._lanes = lanes
@@ -52,9 +48,12 @@ class Keeper(BaseCallback):
         self._next = every
         self.best = best
         self._note = note
+        self._at_once = at_once
 
     def _on_training_start(self) -> None:
         self._next = self.num_timesteps + self._every
+        if self._at_once:
+            self.keep()
 
     def _on_step(self) -> bool:
         return True
@@ -70,7 +69,8 @@ class Keeper(BaseCallback):
         for name, value in found.items():
             self.logger.record(f"validation/{name}", value)
         if self.best is None or found["cost_mean"] < self.best["cost_mean"]:
-            save_whole(self.model.save, self._out / "model.zip")
+            with replacing(self._out / "model.zip") as path:
+                self.model.save(path)
             self.best = {**found, "steps": self.num_timesteps}
             self._note(self.best)
         checkpoint(self.model, self._out)
@@ -106,5 +106,7 @@ def validate(model: BaseAlgorithm, lanes: LaneVecEnv) -> dict[str, float]:
 def checkpoint(model: BaseAlgorithm, out: Path) -> None:
     """Everything that is needed to go on: the model and, off policy, its replay buffer."""
     if isinstance(model, OffPolicyAlgorithm):
-        save_whole(model.save_replay_buffer, out / "replay.pkl")
-    save_whole(model.save, out / "checkpoint.zip")
+        with replacing(out / "replay.pkl") as path:
+            model.save_replay_buffer(path)
+    with replacing(out / "checkpoint.zip") as path:
+        model.save(path)

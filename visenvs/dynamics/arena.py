@@ -15,32 +15,23 @@ import numpy as np
 import pymunk
 from numpy.typing import NDArray
 
-from visenvs.dynamics.ground_robot import CIRCLES
-from visenvs.dynamics.kinematic_arena import crowded, feel
+from visenvs.dynamics.kinematic_arena import SLOP, feel
 
 MASS = 3.0  # of every robot, kg; all are alike, so only that they are equal matters
-SLOP = 1e-6  # overlap that the solver leaves, m
 ROBOT, AIRCRAFT = 1, 2  # collision types
 
 
-class Contacts:
-    """What must not be made anew in every tick; it holds nothing of the state."""
-
-    def __init__(self, cfg: Any) -> None:
-        self._cfg = cfg
-        self._near: NDArray[np.int64] = np.zeros(CIRCLES, np.int64)
-
-    def touch(self, arena: Any, pads: NDArray[np.float64]) -> None:
-        """Find and settle all contacts of one arena; arguments as in `kinematic_arena.touch`."""
-        if crowded(arena, pads, self._near, self._cfg):
-            settle(arena, pads, np.flatnonzero(self._near), self._cfg)
-
-
 def settle(arena: Any, pads: NDArray[np.float64], near: NDArray[np.int64], cfg: Any) -> None:
-    """Let pymunk move the circles `near` apart, from each other and from solid aircraft."""
+    """Find and settle the contacts of the circles `near`, among each other and with aircraft.
+
+    Args:
+        arena, pads, cfg: as in `kinematic_arena.touch`; cfg also has tick, s.
+        near: 1 for the circles that are in contact (`kinematic_arena.crowded`), (CIRCLES,).
+    """
     space = pymunk.Space()
-    space.collision_slop, space.collision_bias = SLOP, 0.0
-    bodies = {int(k): robot(space, arena, int(k), float(cfg["robot_radius"])) for k in near}
+    space.collision_slop, space.collision_bias = 0.5 * SLOP, 0.0
+    chosen = [int(k) for k in np.flatnonzero(near)]
+    bodies = {k: robot(space, arena, k, float(cfg["robot_radius"])) for k in chosen}
     number = {body.id: k for k, body in bodies.items()}
     for m, (north, east, solid) in enumerate(pads.tolist()):
         if solid:

@@ -28,6 +28,7 @@ ROBOTS, OBSTACLES = 10, 4
 CIRCLES = ROBOTS + OBSTACLES
 RUN, NOISE, REVERSE, TOUCH = 0, 1, 2, 3  # modes
 ABSENT, ACTIVE, GOALED, REMOVED = 0, 1, 2, 3  # fates
+PRESSED = 0.005  # gap that a bumper closes, m
 WHEELS = 0  # noise stream: wheel offsets
 OFFSETS = 32  # the wheel offset is one of -32, ..., 31 thirty-seconds of the largest
 
@@ -140,6 +141,21 @@ def drive_robot(arena, k, cfg):
 
 
 @kernel
+def blocked(arena, k, cfg):
+    """Whether the bumper of circle k is pressed, or touches another circle."""
+    r, heading = arena["r_R_N"], arena["heading"][k]
+    ahead, right = math.cos(heading), math.sin(heading)
+    for j in range(CIRCLES):
+        if j != k and arena["fate"][j] == ACTIVE:
+            north, east = r[j, 0] - r[k, 0], r[j, 1] - r[k, 1]
+            reach = 2.0 * cfg["robot_radius"] + PRESSED
+            if abs(north) < reach and north * ahead + east * right > 0.0:
+                if north * north + east * east < reach * reach:
+                    return True
+    return arena["bumped"][k] != 0
+
+
+@kernel
 def drive_all(arena, cfg):
     """All robots and obstacles for one tick, each as if alone; clears the switches they have read.
 
@@ -149,7 +165,7 @@ def drive_all(arena, cfg):
         if arena["fate"][k] == ACTIVE:
             if k < ROBOTS:
                 drive_robot(arena, k, cfg)
-            elif not arena["bumped"][k]:
+            elif not blocked(arena, k, cfg):
                 roll(arena, k, cfg["speed"] / cfg["obstacle_circle"], cfg["speed"], cfg["tick"])
         arena["bumped"][k] = 0
         if k < ROBOTS:

@@ -12,6 +12,8 @@ import math
 from visenvs.core.compile import kernel
 from visenvs.dynamics.ground_robot import ACTIVE, CIRCLES, ROBOTS
 
+SLOP = 1e-6  # circles that overlap by less do not touch, m
+
 
 @kernel
 def feel(arena, k, north, east, pad):
@@ -47,7 +49,7 @@ def touch(arena, pads, cfg):
             north, east = r[j, 0] - r[i, 0], r[j, 1] - r[i, 1]
             if fate[j] == ACTIVE and abs(north) < reach and abs(east) < reach:
                 gap = math.sqrt(north * north + east * east)
-                if gap < reach:
+                if gap < reach - SLOP:
                     feel(arena, i, north, east, 0)
                     feel(arena, j, -north, -east, 0)
                     push = 0.5 * (reach - gap) / max(gap, 1e-9)
@@ -58,7 +60,7 @@ def touch(arena, pads, cfg):
         for m in range(pads.shape[0]):
             north, east = pads[m, 0] - r[i, 0], pads[m, 1] - r[i, 1]
             gap = math.sqrt(north * north + east * east)
-            if pads[m, 2] != 0.0 and gap < stand:
+            if pads[m, 2] != 0.0 and gap < stand - SLOP:
                 feel(arena, i, north, east, m + 1)
                 push = (stand - gap) / max(gap, 1e-9)
                 r[i, 0] -= push * north
@@ -83,10 +85,10 @@ def crowded(arena, pads, near, cfg):
         for j in range(i + 1, CIRCLES):
             north, east = abs(r[j, 0] - r[i, 0]), abs(r[j, 1] - r[i, 1])
             if fate[j] == ACTIVE and north < reach and east < reach:
-                if math.sqrt(north * north + east * east) < reach:
+                if math.sqrt(north * north + east * east) < reach - SLOP:
                     near[i] = near[j] = 1
         for m in range(pads.shape[0]):
             north, east = pads[m, 0] - r[i, 0], pads[m, 1] - r[i, 1]
-            if pads[m, 2] != 0.0 and math.sqrt(north * north + east * east) < stand:
+            if pads[m, 2] != 0.0 and math.sqrt(north * north + east * east) < stand - SLOP:
                 near[i] = 1
     return near.sum()

@@ -15,6 +15,7 @@ TRACKED = 1.0  # status of a track that can be served
 LANDING = 1  # noise stream: where it comes down
 NEAR = 0.5  # offset from the aim at which the descent begins, m
 FRESH = 0.5  # nobody comes down for a robot that was not seen for longer, s
+APART = 1.5  # aircraft nearer to each other than this make way, m
 ASTRAY = 0.8  # offset at which it is broken off, m
 
 
@@ -38,12 +39,12 @@ def choose(lane, number, cfg):
 
 
 @kernel
-def fly(lane, cfg, work):
-    """One tick of an aircraft that has chosen."""
+def fly(lane, others, m, cfg, work):
+    """One tick of an aircraft that has chosen; `others` and `m` as in `make_way`."""
     lane["stage_t"] += cfg["tick"]
     stage = lane["stage"]
     if stage == CRUISE:
-        approach(lane, cfg, work)
+        approach(lane, others, m, cfg, work)
     elif stage == DESCENT:
         come_down(lane, cfg, work)
     elif stage == GROUND:
@@ -57,18 +58,35 @@ def fly(lane, cfg, work):
 
 
 @kernel
-def approach(lane, cfg, work):
+def make_way(lane, others, m):
+    """Shift the aim of an aircraft in cruise away from any other that is too near.
+
+    Args:
+        others: places of all aircraft, north and east in the first columns, (aircraft, >= 2), m.
+        m: which of them this one is.
+    """
+    if lane["stage"] != CRUISE:
+        return
+    r = lane["r_V_N"]
+    for k in range(others.shape[0]):
+        north, east = r[0] - others[k, 0], r[1] - others[k, 1]
+        away = math.sqrt(north * north + east * east)
+        if k != m and 0.0 < away < APART:
+            lane["aim_N"][0] = r[0] + north / away
+            lane["aim_N"][1] = r[1] + east / away
+
+
+@kernel
+def approach(lane, others, m, cfg, work):
     """Fly level to where the service begins, and begin to come down there."""
     service, i = lane["service"], lane["target"]
-    if service == GO or service == HOVER:
-        glide(lane["r_V_N"], lane["v_V_N"], lane["a_V_N"], lane["aim_N"], cfg)
-        return
     serving = service == BLOCK or service == TAP
-    if lane["track_status"][i] == TRACKED:
+    if (serving or service == LOOK) and lane["track_status"][i] == TRACKED:
         kind = BLOCK if service == BLOCK else TAP
         meet(lane, i, kind, lane["delay"], cfg, work["pose"], lane["aim_N"])
     else:
         serving = False
+    make_way(lane, others, m)
     glide(lane["r_V_N"], lane["v_V_N"], lane["a_V_N"], lane["aim_N"], cfg)
     fresh = serving and lane["track_age"][i] < FRESH
     if fresh and lane["delay"] == 0.0 and off_aim(lane) < NEAR:
@@ -101,7 +119,6 @@ def come_down(lane, cfg, work):
         lane["aim_N"][k] += lane["miss_N"][k]
     if off_aim(lane) > ASTRAY or lane["track_status"][i] != TRACKED:
         lane["aborts"] += 1.0
-        lane["why"][0 if off_aim(lane) > ASTRAY else 1] += 1
         leave(lane)
         return
     glide(lane["r_V_N"], lane["v_V_N"], lane["a_V_N"], lane["aim_N"], cfg)
@@ -119,7 +136,6 @@ def stay(lane, cfg):
     felt = lane["landed"] != 0
     if lane["stage_t"] >= cfg["dwell"] + (0.0 if felt else cfg["patience"]):
         lane["aborts"] += 0.0 if felt else 1.0
-        lane["why"][2] += 0.0 if felt else 1.0
         leave(lane)
 
 

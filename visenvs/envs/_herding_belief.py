@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from visenvs.core.compile import kernel
+from visenvs.core.noise import uniform
 from visenvs.dynamics.ground_robot import ABSENT, ACTIVE, OBSTACLES, ROBOTS, spinning
 from visenvs.envs._herding_aircraft import CRUISE, TRACKED
 from visenvs.envs._herding_config import BLOCK_ONLY, TRUTH
@@ -15,6 +16,7 @@ from visenvs.sensors.ground_camera import in_view, look
 
 NONE, FINISHED = 0.0, 2.0  # status of a track
 CAMERA = 8  # noise stream of the first aircraft's camera; each further one has the next
+POLES_SEEN = 12  # noise stream: whether an obstacle in view is found, as CAMERA
 NEVER_SEEN = 60.0  # age of an obstacle that has not been seen, s
 REACH = 1.0  # farthest track that a felt bump is put down to, m
 
@@ -100,7 +102,11 @@ def see_obstacles(lane, arena, pose, cfg):
     for k in range(OBSTACLES):
         r = arena["r_R_N"][ROBOTS + k]
         lane["obstacle_age"][k] += cfg["camera_every"]
-        if arena["fate"][ROBOTS + k] == ACTIVE and in_view(pose, r[0], r[1], 0.0, cfg):
+        if arena["fate"][ROBOTS + k] != ACTIVE or not in_view(pose, r[0], r[1], 0.0, cfg):
+            continue
+        stream = POLES_SEEN + lane["agent"]
+        u = uniform(arena["seed"], arena["episode"], stream, arena["tick"], k)
+        if u < cfg["p_detect"]:
             lane["obstacle_age"][k] = 0.0
             for i in range(2):
                 lane["obstacle_r_N"][2 * k + i] = lane["bank"]["r_O_N"][k, i] = r[i]
@@ -121,10 +127,10 @@ def copy_tracks(lane):
 
 
 @kernel
-def describe(lane, cfg, work):
-    """Write what follows from the tracks: times to contact, and which choices there are."""
-    free = lane["stage"] == CRUISE
-    allowed = lane["allowed"]
+def describe(team, m, cfg, work):
+    """Write what follows for the row of aircraft m: times to contact, other aircraft, choices."""
+    lane = team[m]
+    free, allowed = lane["stage"] == CRUISE, lane["allowed"]
     allowed[0] = 1.0
     for i in range(ROBOTS):
         tracked = lane["track_status"][i] == TRACKED
@@ -138,3 +144,22 @@ def describe(lane, cfg, work):
         allowed[look_at(i)] = able
     for k in range(SIDE * SIDE):
         allowed[FIRST_PLACE + k] = 1.0 if free else 0.0
+    tell_others(team, m)
+
+
+@kernel
+def tell_others(team, m):
+    """Tell aircraft m where the others are, where they are bound, and who goes first.
+
+    An aircraft that is busy goes before one that is free, else the lower number.
+    """
+    lane, n = team[m], 0
+    for k in range(team.shape[0]):
+        if k == m:
+            continue
+        other = team[k]
+        for i in range(2):
+            lane["others_N"][4 * n + i] = other["r_V_N"][i]
+            lane["others_N"][4 * n + 2 + i] = other["aim_N"][i]
+        lane["others_first"][n] = 1.0 if k < m or other["stage"] != CRUISE else 0.0
+        n += 1

@@ -14,6 +14,7 @@ from visenvs.guidance.interception import POSE
 from visenvs.sensors.ground_camera import FALSE
 
 N = len(CHOICES)
+OTHERS = 3  # aircraft at most, beside one's own
 
 LANE = lane_dtype([
     *ground_robot.COLUMNS,
@@ -37,6 +38,7 @@ LANE = lane_dtype([
     ("track_age", "f8", (ROBOTS,)), ("track_status", "f8", (ROBOTS,)),
     ("t_contact", "f8", (ROBOTS,)),
     ("obstacle_r_N", "f8", (2 * OBSTACLES,)), ("obstacle_age", "f8", (OBSTACLES,)),
+    ("others_N", "f8", (4 * OTHERS,)), ("others_first", "f8", (OTHERS,)),
     ("t_go", "f8"),
     ("allowed", "f8", (N,)),
     # score
@@ -45,7 +47,6 @@ LANE = lane_dtype([
     ("goaled", "f8"), ("removed", "f8"), ("remained", "f8"), ("touches", "f8"),
     ("blocks", "f8"), ("taps", "f8"), ("aborts", "f8"), ("pole_contacts", "f8"),
     ("herded", "f8"),  # of the goaled, those that were touched
-    ("why","f8",(4,)),
     ("t_success", "f8"),  # when the last robot that success needs was goaled, s; t_f if never
 ])  # fmt: skip
 
@@ -70,6 +71,7 @@ TRACKS = (
 )  # fmt: skip
 AIRCRAFT = (
     Field("r_V_N", 2, "m", "N", -20.0, 20.0, 10.0, "own place"),
+    Field("aim_N", 2, "m", "N", -20.0, 20.0, 10.0, "where it is bound"),
     Field("v_V_N", 2, "m/s", "N", -5.0, 5.0, 2.0, "own velocity"),
     Field("height", 1, "m", "", 0.0, 10.0, 3.0, "own height"),
     Field("stage", 1, "", "", 0.0, 3.0, 1.0, "0 cruise, 1 descent, 2 on the ground, 3 climb"),
@@ -80,10 +82,12 @@ AIRCRAFT = (
 )  # fmt: skip
 OBSERVATION = Layout((
     *TRACKS, *AIRCRAFT,
+    Field("others_N", 4 * OTHERS, "m", "N", -20.0, 20.0, 10.0,
+          "places of the other aircraft, each followed by where it is bound"),
+    Field("others_first", OTHERS, "", "", 0.0, 1.0, 1.0,
+          "1 for each of them whose business goes before one's own"),
     Field("allowed", N, "", "", 0.0, 1.0, 1.0, "1 where the choice may be taken"),
 ))  # fmt: skip
-
-VELOCITY_OBSERVATION = Layout((*TRACKS, *AIRCRAFT))
 VELOCITY_ACTION = Layout((
     Field("v_command_N", 2, "v_max", "N", -1.0, 1.0, 1.0, "velocity set-point over the largest"),
     Field("descend", 1, "", "", -1.0, 1.0, 1.0, "above 0: come down, or stay down; else climb"),

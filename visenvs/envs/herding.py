@@ -23,15 +23,15 @@ from visenvs.core.lanes import Task
 from visenvs.core.layout import Choices, Row
 from visenvs.core.noise import uniform
 from visenvs.core.outcome import RUNNING
-from visenvs.dynamics.arena import Contacts
+from visenvs.dynamics.arena import settle
 from visenvs.dynamics.ground_robot import ACTIVE, CIRCLES, ROBOTS, drive_all
-from visenvs.dynamics.kinematic_arena import touch
+from visenvs.dynamics.kinematic_arena import crowded, touch
 from visenvs.envs._herding_aircraft import CRUISE, choose, fly, obey
 from visenvs.envs._herding_belief import begin_belief, describe, sense
 from visenvs.envs._herding_config import KINEMATIC, SCENARIOS, VELOCITY
 from visenvs.envs._herding_layout import LANE, OBSERVATION, VELOCITY_ACTION, WORK
 from visenvs.envs._herding_rules import cross_lines, feel_touches, hit_poles, judge, share
-from visenvs.guidance.choices import CHOICES, HOVER
+from visenvs.guidance.choices import CHOICES, HOVER, PER_ROBOT
 
 ENV_ID = "visenvs/Herding-v0"
 
@@ -43,11 +43,14 @@ LONGEST = 60.0  # that a step can last, s
 def move_all(team, pads, cfg, work):
     """First half of a tick: aircraft fly, robots drive as if alone; writes who is in their way."""
     for m in range(team.shape[0]):
-        lane = team[m]
+        pads[m, 0], pads[m, 1] = team[m]["r_V_N"][0], team[m]["r_V_N"][1]
+    for m in range(team.shape[0]):
         if cfg["action_mode"] == VELOCITY:
-            obey(lane, cfg)
+            obey(team[m], cfg)
         else:
-            fly(lane, cfg, work)
+            fly(team[m], pads, m, cfg, work)
+    for m in range(team.shape[0]):
+        lane = team[m]
         pads[m, 0], pads[m, 1] = lane["r_V_N"][0], lane["r_V_N"][1]
         pads[m, 2] = 1.0 if lane["height"] < cfg["solid_height"] else 0.0
     drive_all(team[0], cfg)
@@ -104,20 +107,39 @@ def end_step(team, cfg, work):
     """Share the score, and write the rows' derived fields."""
     share(team)
     for m in range(team.shape[0]):
-        describe(team[m], cfg, work)
+        describe(team, m, cfg, work)
 
 
 @kernel
-def step_team(team, actions, pads, cfg, work):
-    """One step of one arena with contacts by geometry."""
-    free_before, ticks = begin_step(team, actions, cfg), 0
-    while not step_over(team, ticks, free_before, cfg):
-        move_all(team, pads, cfg, work)
-        touch(team[0], pads, cfg)
+def run_team(team, actions, pads, near, progress, cfg, work):
+    """One step of one arena; False when it is over, True to have contacts settled by pymunk.
+
+    After that it is called again, and goes on in the middle of the tick where it has stopped.
+
+    Args:
+        team, actions: records and actions of the aircraft that share the arena.
+        pads: receives place and solidity of each, (aircraft, 3); see `kinematic_arena.touch`.
+        near: receives 1 for the circles that are in contact, (CIRCLES,).
+        progress: ticks, aircraft that have been free, and whether contacts have been settled; zero
+            at the beginning of a step, (3,).
+    """
+    settled = progress[2] != 0
+    if not settled:
+        progress[1] = begin_step(team, actions, cfg)
+    while settled or not step_over(team, progress[0], progress[1], cfg):
+        if not settled:
+            move_all(team, pads, cfg, work)
+            if crowded(team[0], pads, near, cfg):
+                if cfg["arena"] != KINEMATIC:
+                    progress[2] = 1
+                    return True
+                touch(team[0], pads, cfg)
+        settled = False
         settle_all(team, cfg, work)
-        free_before = min(free_before, free(team, cfg))
-        ticks += 1
+        progress[0] += 1
+        progress[1] = min(progress[1], free(team, cfg))
     end_step(team, cfg, work)
+    return False
 
 
 @kernel
@@ -150,7 +172,8 @@ def reset_team(team, cfg, work):
         lane["r_V_N"][1] = 2.0 * (m - 0.5 * (team.shape[0] - 1))
         lane["aim_N"][1] = lane["r_V_N"][1]
         begin_belief(lane, arena, cfg, work)
-        describe(lane, cfg, work)
+    for m in range(team.shape[0]):
+        describe(team, m, cfg, work)
 
 
 @kernel
@@ -162,41 +185,17 @@ def reset_lanes(lanes, config):
         reset_team(lanes[i : i + size], cfg, work)
 
 
-@kernel
-def step_kinematic(lanes, actions, config):
-    """Advance every team that is running, contacts by geometry."""
-    work, cfg = np.zeros(1, WORK)[0], config[0]
-    size = cfg["aircraft"]
-    pads = np.zeros((size, 3))
-    for i in range(0, lanes.shape[0], size):
-        if lanes[i]["outcome"] == RUNNING:
-            step_team(lanes[i : i + size], actions[i : i + size], pads, cfg, work)
-
-
-def step_pymunk(lanes: NDArray[Any], actions: Row, config: NDArray[Any]) -> None:
-    """Advance every team that is running, contacts by pymunk."""
-    work, cfg = np.zeros(1, WORK)[0], config[0]
-    size = int(cfg["aircraft"])
-    pads, contacts = np.zeros((size, 3)), Contacts(cfg)
-    for i in range(0, len(lanes), size):
-        team = lanes[i : i + size]
-        if team[0]["outcome"] != RUNNING:
-            continue
-        arena = team[0]
-        free_before, ticks = begin_step(team, actions[i : i + size], cfg), 0
-        while not step_over(team, ticks, free_before, cfg):
-            move_all(team, pads, cfg, work)
-            contacts.touch(arena, pads)
-            settle_all(team, cfg, work)
-            free_before = min(free_before, free(team, cfg))
-            ticks += 1
-        end_step(team, cfg, work)
-
-
 def step_lanes(lanes: NDArray[Any], actions: Row, config: NDArray[Any]) -> None:
     """Advance every team that is running."""
-    step: Any = step_kinematic if config[0]["arena"] == KINEMATIC else step_pymunk
-    step(lanes, actions, config)
+    work, cfg = np.zeros(1, WORK)[0], config[0]
+    size = int(cfg["aircraft"])
+    pads, near, progress = np.zeros((size, 3)), np.zeros(CIRCLES, np.int64), np.zeros(3, np.int64)
+    for i in range(0, len(lanes), size):
+        team, chosen = lanes[i : i + size], actions[i : i + size]
+        if team["outcome"][0] == RUNNING:
+            progress[:] = 0
+            while run_team(team, chosen, pads, near, progress, cfg, work):
+                settle(team[0], pads, near, cfg)
 
 
 TASK = Task(
@@ -205,7 +204,7 @@ TASK = Task(
     scenarios=SCENARIOS,
     lane=LANE,
     observation=OBSERVATION,
-    action=Choices(CHOICES, "allowed"),
+    action=Choices(CHOICES, "allowed", first=1, apiece=PER_ROBOT),
     modes={"velocity": VELOCITY_ACTION},
     team=lambda config: config.aircraft,
     costs=("cost_lost", "cost_remained", "cost_time"),

@@ -7,13 +7,16 @@ choose nothing else.
 
 from __future__ import annotations
 
+import math
+
 from visenvs.core.compile import kernel
 from visenvs.guidance.interception import BLOCK, TAP
 
 ROBOTS = 10
 DELAYS = (0.0, 2.0, 4.0)  # how much later than possible to come down, s
+SERVICES = ("block", "tap")  # numbers BLOCK and TAP
 LOOK, GO, HOVER = 2, 3, 4  # what there is to do besides BLOCK and TAP
-LOOK_PLACE = 2 * len(DELAYS)  # of the look among the choices of a robot
+LOOK_PLACE = len(SERVICES) * len(DELAYS)  # of the look among the choices of a robot
 PER_ROBOT = LOOK_PLACE + 1
 SIDE = 3  # places along a side of the arena
 FIRST_PLACE = 1 + ROBOTS * PER_ROBOT
@@ -31,7 +34,7 @@ def _of_robot(i: int) -> tuple[str, ...]:
 CHOICES = (
     "hover",
     *(name for i in range(ROBOTS) for name in _of_robot(i)),
-    *(f"go to {n} {e}" for n in ("south", "middle", "north") for e in ("west", "middle", "east")),
+    *(f"go to place {k}" for k in range(SIDE * SIDE)),
 )
 
 
@@ -63,5 +66,20 @@ def meaning(number):
 
 @kernel
 def place_of(k, side):
-    """Place k, north and east, m, of an arena of that side (m)."""
-    return (k // SIDE + 0.5) * side / SIDE - 0.5 * side, (k % SIDE + 0.5) * side / SIDE - 0.5 * side
+    """Place k, north and east, m, of an arena of that side (m): to and fro from the south-west."""
+    row, column = k // SIDE, k % SIDE
+    if row % 2:
+        column = SIDE - 1 - column
+    return (row + 0.5) * side / SIDE - 0.5 * side, (column + 0.5) * side / SIDE - 0.5 * side
+
+
+@kernel
+def nearest_place(point, side):
+    """The place nearest to a point (north, east), m, and how far away it is, m."""
+    least, best = math.inf, 0
+    for k in range(SIDE * SIDE):
+        north, east = place_of(k, side)
+        away = math.hypot(point[0] - north, point[1] - east)
+        if away < least:
+            least, best = away, k
+    return best, least

@@ -3,6 +3,7 @@
 The rule (IARC section V) blocks the robot nearest to the goal line among those that do not head for
 it. The index policy asks what each service of each robot is worth: how much more likely the robot
 gets over the goal line with it than without it (`herding_value.py`), per second that it takes.
+Idle, it looks at what it has not seen for long, or searches for robots that it has lost.
 """
 
 from __future__ import annotations
@@ -10,26 +11,59 @@ from __future__ import annotations
 import math
 import re
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from visenvs.core.compile import kernel
 from visenvs.core.registry import Law
-from visenvs.guidance.choices import DELAYS, ROBOTS, look_at, number_of
-from visenvs.guidance.herding_value import value, value_table
-from visenvs.guidance.interception import BLOCK, POSE, TAP, meet
+from visenvs.guidance.choices import (
+    DELAYS,
+    FIRST_PLACE,
+    ROBOTS,
+    SERVICES,
+    SIDE,
+    look_at,
+    nearest_place,
+    number_of,
+)
+from visenvs.guidance.herding_value import KEY, value, value_table
+from visenvs.guidance.interception import BLOCK, POSE, meet
 
-TRACKED = 1.0  # status
+TRACKED, NOBODY = 1.0, 0.0  # status of a track
 AWAY = 0.4  # how far a robot must point away from the goal line to be blocked by the paper's rule
-OVERHEAD = 1.5  # of a service beside the time to its contact, s
-LEAST_GAIN = 0.02  # a service that gains less is not worth coming down for
-STALE = 1.0  # tracks not seen for so long are worth a look, s
+ARRIVED = 1.0  # this near to a place, it is searched, m
+CLAIM = 1.2  # a robot this near to where another aircraft is bound is that one's, m
+
+
+class Temper(NamedTuple):
+    """What an index policy makes of time and doubt.
+
+    Attributes:
+        overhead: of a service beside the time to its contact, s.
+        least: a service that gains less is not worth coming down for.
+        stale: a track not seen for so long is looked at before it is served, s.
+        idle: with nothing to serve, a track not seen for so long is looked at, s.
+        doubt: standard deviation of a place at which a service is worth 1/e, m.
+        spread: 1 to average over the heading's standard deviation, 0 to believe the heading.
+    """
+
+    overhead: float
+    least: float
+    stale: float
+    idle: float
+    doubt: float
+    spread: float
+
+
+PLAIN = Temper(1.5, 0.02, 1.0, 1.0, math.inf, 0.0)
+LOOKING = Temper(8.0, 0.02, 5.0, 100.0, 1.5, 1.0)
 
 TRACK_FIELDS = (
-    "track_r_N", "track_sin", "track_cos", "track_p_spin", "track_phase", "track_age",
-    "track_status", "r_V_N", "height", "t_go", "allowed",
+    "track_r_N", "track_sin", "track_cos", "track_p_spin", "track_phase", "track_sd_r",
+    "track_sd_heading", "track_age", "track_status", "r_V_N", "aim_N", "height", "t_go",
+    "others_N", "others_first", "allowed",
 )  # fmt: skip
 MEETING = (
     "speed", "spin_time", "period", "robot_radius", "aircraft_radius", "v_max", "v_descent",
@@ -60,70 +94,99 @@ def follow_rule(away, beliefs, settings, commands):
 
 
 @kernel
-def gain_of(belief, i, service, delay, V, cfg, pose, aim):
-    """What a service of robot i gains per second: chance after it less without it, over its time."""
-    ahead = meet(belief, i, service, delay, cfg, pose, aim)
-    if pose[4] == 0.0:
-        return 0.0
-    left = belief["t_go"] - ahead
-    north, east, heading, phase = pose[0], pose[1], pose[2], pose[3]
-    without = value(V, north, east, heading, phase, left, cfg)
-    if service == BLOCK:
-        turn, spin = math.pi, cfg["spin_time"]
-        phase = spin if cfg["bump_restarts_timer"] else phase + spin
-    else:
-        turn, spin = 0.25 * math.pi, 0.25 * cfg["spin_time"]
-        phase += spin
-    after = value(V, north, east, heading + turn, phase, left - spin, cfg)
-    if after - without < LEAST_GAIN:
-        return 0.0
-    return (after - without) / (ahead + OVERHEAD)
+def claimed(belief, north, east):
+    """Whether another aircraft that goes first is bound for this place, m."""
+    others, first = belief["others_N"], belief["others_first"]
+    for k in range(first.shape[0]):
+        if first[k] > 0.5:
+            away = math.hypot(others[4 * k + 2] - north, others[4 * k + 3] - east)
+            if away < CLAIM:
+                return True
+    return False
 
 
 @kernel
-def most_gain(belief, V, cfg, pose, aim):
-    """The service that gains most per second, as its number; 0 where none is worth it."""
+def chance(V, pose, turn, phase, left, sd, cfg):
+    """`value` of a pose turned by an angle (rad), over a heading of standard deviation sd (rad)."""
+    north, east, heading = pose[0], pose[1], pose[2] + turn
+    middle = value(V, north, east, heading, phase, left, cfg)
+    if sd == 0.0:
+        return middle
+    right = value(V, north, east, heading + sd, phase, left, cfg)
+    return 0.4 * middle + 0.3 * (
+        right + value(V, north, east, heading - sd, phase, left, cfg)
+    )
+
+
+@kernel
+def gain_of(belief, i, service, delay, V, temper, cfg, pose, aim):
+    """What a service of robot i gains per second: chance after it less without it, over its time."""
+    ahead = meet(belief, i, service, delay, cfg, pose, aim)
+    if pose[4] == 0.0 or claimed(belief, aim[0], aim[1]):
+        return 0.0
+    left, phase = belief["t_go"] - ahead, pose[3]
+    turn = math.pi if service == BLOCK else 0.25 * math.pi
+    spin = cfg["spin_time"] * turn / math.pi
+    restart = service == BLOCK and cfg["bump_restarts_timer"] != 0
+    sd = temper.spread * min(belief["track_sd_heading"][i], 1.2)
+    without = chance(V, pose, 0.0, phase, left, sd, cfg)
+    after = chance(V, pose, turn, spin if restart else phase + spin, left - spin, sd, cfg)
+    if after - without < temper.least:
+        return 0.0
+    trust = math.exp(-belief["track_sd_r"][i] / temper.doubt)
+    return trust * (after - without) / (ahead + temper.overhead)
+
+
+@kernel
+def most_gain(belief, V, temper, cfg, pose, aim):
+    """The service that gains most per second, or a look before it; 0 where none is worth it."""
     most, best = 0.0, 0
     for i in range(ROBOTS):
-        if belief["track_status"][i] != TRACKED:
-            continue
-        for service in (BLOCK, TAP):
+        for service in range(len(SERVICES)):
             if belief["allowed"][number_of(i, service, 0)] < 0.5:
                 continue
             for k in range(len(DELAYS)):
-                gain = gain_of(belief, i, service, DELAYS[k], V, cfg, pose, aim)
+                gain = gain_of(belief, i, service, DELAYS[k], V, temper, cfg, pose, aim)
                 if gain > most:
-                    most, best = gain, number_of(i, service, k)
+                    fresh = belief["track_age"][i] < temper.stale
+                    most, best = gain, number_of(i, service, k) if fresh else look_at(i)
     return best
 
 
 @kernel
-def stalest(belief):
-    """The look at the track that has not been seen for longest, as its number; 0 if all are fresh."""
-    oldest, best = STALE, 0
+def look_about(belief, temper, cfg):
+    """With nothing to serve: the track not seen for longest, else a search for who is missing.
+
+    The search goes from place to place; where the aircraft is bound tells how far it has come.
+    """
+    oldest, best, missing = temper.idle, 0, 0
     for i in range(ROBOTS):
+        missing += belief["track_status"][i] == NOBODY
         if belief["allowed"][look_at(i)] > 0.5 and belief["track_age"][i] > oldest:
             oldest, best = belief["track_age"][i], look_at(i)
+    if best == 0 and missing and belief["allowed"][FIRST_PLACE] > 0.5:
+        bound, off = nearest_place(belief["aim_N"], cfg["side"])
+        here, away = nearest_place(belief["r_V_N"], cfg["side"])
+        if off > ARRIVED or (here == bound and away < ARRIVED):
+            bound = (here + 1) % (SIDE * SIDE) if away < ARRIVED else here
+        best = FIRST_PLACE + bound
     return best
 
 
 @kernel
-def choose_by_index(look_around, V, beliefs, settings, commands):
-    """The service of most gain; where there is none, the stalest track or no motion."""
+def choose_by_index(temper, V, beliefs, settings, commands):
+    """The service of most gain; where there is none, information."""
     pose, aim = np.zeros(POSE), np.zeros(2)
     for n in range(beliefs.shape[0]):
-        b = beliefs[n]
-        best = most_gain(b, V, settings[0], pose, aim)
-        if best == 0 and look_around:
-            best = stalest(b)
-        commands[n, 0] = best
+        best = most_gain(beliefs[n], V, temper, settings[0], pose, aim)
+        commands[n, 0] = best if best else look_about(beliefs[n], temper, settings[0])
 
 
 def follow_index(
-    look_around: bool, beliefs: NDArray[Any], settings: NDArray[Any], commands: NDArray[Any]
+    temper: Temper, beliefs: NDArray[Any], settings: NDArray[Any], commands: NDArray[Any]
 ) -> None:
     """`choose_by_index` with the value table of the configuration."""
-    choose_by_index(look_around, value_table(settings), beliefs, settings, commands)
+    choose_by_index(temper, value_table(settings), beliefs, settings, commands)
 
 
 def paper_rule(name: str, away: float) -> Law:
@@ -139,15 +202,15 @@ def paper_rule(name: str, away: float) -> Law:
     )
 
 
-def index(name: str, summary: str, look_around: bool) -> Law:
+def index(name: str, summary: str, temper: Temper) -> Law:
     """The card of an index policy."""
     return Law(
         name=name,
         summary=summary,
         source="backward induction; no published source",
         needs=TRACK_FIELDS,
-        settings=(*MEETING, "side", "noise_every", "noise_max", "bump_restarts_timer", "services"),
-        decide=partial(follow_index, look_around),
+        settings=(*MEETING, *KEY),
+        decide=partial(follow_index, temper),
         limit="",
     )
 
@@ -164,6 +227,6 @@ def member(name: str) -> Law | None:
 
 LAWS = (
     paper_rule("paper-rule", AWAY),
-    index("index", "the service that gains most chance of a goal per second", False),
-    index("index-look", "the same, and looks at the stalest track when idle", True),
+    index("index", "the service that gains most chance of a goal per second", PLAIN),
+    index("index-look", "the same, more careful of its time and of doubtful tracks", LOOKING),
 )

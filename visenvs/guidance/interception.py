@@ -99,24 +99,21 @@ def aim_at(row, i, kind, ahead, cfg, pose, aim):
 
 @kernel
 def meet(row, i, kind, delay, cfg, pose, aim):
-    """When an aircraft can meet robot i: contact time from now, s.
+    """When an aircraft can come down on or before robot i: time from now, s.
 
     Args:
         row: record with the track fields, `r_V_N` and `height`.
         kind: BLOCK or TAP.
         delay: to come so much later than possible, s.
-        pose: receives the robot's pose at the contact, (POSE,).
+        pose: receives the robot's pose when the aircraft comes down, (POSE,).
         aim: receives where to come down, N, m, (2,).
         cfg: record with the settings that `aim_at`, `flight_time` and `descent_time` read.
     """
-    down = descent_time(row["height"], kind, cfg)
-    ahead = down + delay
-    for _ in range(4):
+    soonest = descent_time(row["height"], kind, cfg) + delay
+    ahead, later = soonest, soonest
+    for _ in range(5):
+        ahead = later
         aim_at(row, i, kind, ahead, cfg, pose, aim)
         away = math.hypot(aim[0] - row["r_V_N"][0], aim[1] - row["r_V_N"][1])
-        ahead = down + delay + flight_time(away, cfg)
-    aim_at(row, i, kind, ahead, cfg, pose, aim)
-    if kind == BLOCK:
-        advance(pose, LEAD, cfg)
-        ahead += LEAD
+        later = soonest + flight_time(away, cfg)
     return ahead
