@@ -1,9 +1,8 @@
 """Findings that are no track's: candidates, and what they turn out to be.
 
-A single finding may be nothing, and the gate of a track long out of sight is wide. So what fits no
-track in sight is followed by itself; found often enough, it is given to the track out of sight that
-it fits best, by place and by velocity, or it makes a track anew. Candidates are kept in a bank
-(`robot_track.bank_dtype`).
+A single finding may be nothing, and a robot long out of sight may be in many places. So what fits
+no track in sight is followed by itself; found often enough, it is given to the track out of sight
+that it fits best, by place and by velocity. Candidates are kept in a bank (`robot_track`).
 """
 
 from __future__ import annotations
@@ -12,30 +11,29 @@ import math
 
 from visenvs.core.compile import kernel
 from visenvs.core.frames import wrap_angle
-from visenvs.estimation import mmae
 from visenvs.estimation.association import assign
-from visenvs.estimation.mmae import NEVER, STRAIGHT
 from visenvs.estimation.robot_track import (
     ANY_HEADING,
     CANDIDATES,
+    FINISHED,
     NONE,
     TRACKED,
-    absorb,
-    fit,
     moving,
     place,
-    turn_to,
 )
 from visenvs.estimation.slope import SIGHTS, course, push, velocity
+from visenvs.estimation.whereabouts import HEADING, LEFT, PHASE, density
 
-ALONE = 60.0  # price of a finding that is no track's: more than of any that is
-OUT_OF_SIGHT = 0.45  # age at which a track goes on by what its robot should be doing, s
+ALONE = 60.0  # price of a candidate that is no track's: more than of any that is
+OFFSET = 10.0  # makes prices positive
+OUT_OF_SIGHT = 0.45  # age at which a track is guessed at, s
 NEAR = 0.3  # how far a candidate may be found from where it was, m
-SURE, HITS = 4, 5  # sights after which a candidate is something, and after which a track
+SURE = 4  # sights after which a candidate is something
 PATIENCE = 4  # misses in a row that end it
-TURNED = 0.1  # share of robots that have run into something while nobody saw them
-SPINNING = 0.15  # probability of a spin of a robot found again, and of none, at least
-STRANGE = 1e-3  # likelihood of a velocity below which the robot is another one
+ANYWHERE = 5e-5  # density of a robot that is nowhere near where it was guessed to be, 1/m^2,
+UNKNOWN = 2.5e-3  # of one of which nothing is known,
+RETURNED = 1e-6  # and of one that was thought to have left the arena
+GUESSED = 0.4  # standard deviation of a guessed heading, rad
 
 
 @kernel
@@ -70,102 +68,67 @@ def follow(bank, seen, count, choice):
 
 @kernel
 def settle(bank, variance, cfg, work):
-    """Give the candidates found often enough to the tracks out of sight that they fit best.
+    """Give the candidates found often enough to the tracks that they are most likely of.
 
-    One that fits none makes a track anew once its course is known.
+    Every robot has a track, so each of them is of one that is out of sight.
     """
     for c in range(CANDIDATES):
+        filled = int(bank["c_filled"][c])
         for j in range(bank["status"].shape[0]):
             work["c_ztest"][c, j] = math.inf
-            away = bank["status"][j] == TRACKED and bank["age"][j] > OUT_OF_SIGHT
-            if away and bank["c_filled"][c] >= SURE:
-                last = bank["c_sights"][c, int(bank["c_filled"][c]) - 1]
-                likely = ways(bank, j, c, variance, cfg, work["ways"])
-                value = fit(bank, j, last[1:], variance)
-                if likely > STRANGE:
-                    work["c_ztest"][c, j] = value - 2.0 * math.log(likely)
+            if filled >= SURE and (bank["status"][j] != TRACKED or bank["away"][j] > 0.0):
+                likely, _ = likelihood(bank, j, c, variance, cfg)
+                work["c_ztest"][c, j] = OFFSET - 2.0 * math.log(likely)
     assign(work["c_ztest"], CANDIDATES, ALONE, work["c_choice"], work["c_assign"])
     for c in range(CANDIDATES):
         if work["c_choice"][c] >= 0:
-            find_again(bank, work["c_choice"][c], c, variance, cfg, work)
-        elif bank["c_filled"][c] >= HITS:
-            promote(bank, c, variance, cfg)
+            find_again(bank, work["c_choice"][c], c, variance, cfg)
 
 
 @kernel
-def ways(bank, j, c, variance, cfg, out):
-    """How likely the velocity of candidate c is for track j: at most 1 for one expected exactly.
-
-    Args:
-        out: receives the parts of it, (3,): the robot goes on, it has run into something and goes
-            the other way, it spins.
-    """
-    north, east, spread = velocity(bank["c_sights"][c], int(bank["c_filled"][c]))
-    heading, speed = bank["x"][j, STRAIGHT, 2], cfg["speed"]
-    noise = variance / spread
-    doubt = noise + speed * speed * min(bank["P"][j, STRAIGHT, 2, 2], 2.0)
-    p_spin = min(max(bank["p_spin"][j], SPINNING), 1.0 - SPINNING)
-    total = 0.0
-    for k in range(3):
-        along = speed if k == 0 else (-speed if k == 1 else 0.0)
-        u, v = north - along * math.cos(heading), east - along * math.sin(heading)
-        S = noise if k == 2 else doubt
-        prior = p_spin if k == 2 else (1.0 - p_spin) * (TURNED if k == 1 else 1.0 - TURNED)
-        out[k] = prior * noise / S * math.exp(-0.5 * (u * u + v * v) / S)
-        total += out[k]
-    return total
-
-
-@kernel
-def find_again(bank, j, c, variance, cfg, work):
-    """Use candidate c for track j, out of sight until now."""
-    x, P, filled = bank["x"][j], bank["P"][j], int(bank["c_filled"][c])
-    total, part = ways(bank, j, c, variance, cfg, work["ways"]), work["ways"]
-    p_spin = min(max(part[2] / total, mmae.LEAST), 1.0 - mmae.LEAST)
-    if part[1] > part[0]:
-        turn_to(x, P, wrap_angle(x[STRAIGHT, 2] + math.pi), math.sqrt(P[STRAIGHT, 2, 2]))
-    bank["p_spin"][j] = p_spin
-    if p_spin < 0.5:
-        bank["spun"][j] = NEVER
-    for i in range(filled):
-        bank["sights"][j, i, :] = bank["c_sights"][c, i, :]
-    bank["filled"][j], bank["c_filled"][c] = filled - 1, 0.0
-    absorb(bank, j, bank["c_sights"][c, filled - 1, 1:], variance, cfg, work["filter"])
-
-
-@kernel
-def promote(bank, c, variance, cfg):
-    """Make a track of candidate c once it is known whether it goes straight, and where to."""
+def likelihood(bank, j, c, variance, cfg):
+    """How likely candidate c is for track j, 1/m^2, and the guess that speaks for it, or -1."""
+    if bank["status"][j] == NONE:
+        return UNKNOWN, -1
+    if bank["status"][j] == FINISHED:
+        return RETURNED, -1
     filled = int(bank["c_filled"][c])
-    heading, speed, deviation = course(bank["c_sights"][c], filled, variance)
-    goes = moving(speed, deviation, cfg)
-    if not goes and filled < SIGHTS:
-        return
-    last = bank["c_sights"][c, filled - 1]
-    j = likeliest(bank, last[1], last[2], cfg)
-    if j < 0:
-        return
-    sd = deviation / speed if goes else ANY_HEADING
-    place(bank, j, last[1], last[2], heading, math.sqrt(variance), sd)
-    if not goes:
-        bank["spun"][j], bank["turn"][j] = 0.5 * cfg["spin_time"], cfg["spin_time"]
-        bank["p_spin"][j] = 1.0 - mmae.LEAST
-    for i in range(filled):
-        bank["sights"][j, i, :] = bank["c_sights"][c, i, :]
-    bank["filled"][j], bank["c_filled"][c] = filled, 0.0
+    north, east, spread = velocity(bank["c_sights"][c], filled)
+    last = bank["c_sights"][c, filled - 1, 1:]
+    value, guess = density(bank, j, last, north, east, variance / spread, cfg)
+    return value + ANYWHERE, guess if value > ANYWHERE else -1
 
 
 @kernel
-def likeliest(bank, north, east, cfg):
-    """The track out of sight whose robot has most probably come to a place; -1 if all are seen.
+def find_again(bank, j, c, variance, cfg):
+    """Make candidate c track j: by the guess that speaks for it, else by its course alone.
 
-    Measured by how far it may have gone since it was seen.
+    Without a guess it must have been seen for long enough to tell its course, or that it spins.
     """
-    best, least = -1, math.inf
-    for j in range(bank["status"].shape[0]):
-        if bank["age"][j] > OUT_OF_SIGHT or bank["status"][j] == NONE:
-            away = math.hypot(north - bank["r_N"][j, 0], east - bank["r_N"][j, 1])
-            share = away / (0.5 + bank["sd_r"][j] + 0.3 * cfg["speed"] * bank["age"][j])
-            if share < least:
-                best, least = j, share
-    return best
+    filled, sights = int(bank["c_filled"][c]), bank["c_sights"][c]
+    heading, speed, deviation = course(sights, filled, variance)
+    goes, guess = moving(speed, deviation, cfg), likelihood(bank, j, c, variance, cfg)[1]
+    if guess < 0 and not goes and filled < SIGHTS:
+        return
+    sd, left = deviation / max(speed, 1e-3), 0.0
+    if guess >= 0:
+        g = bank["guesses"][j, guess]
+        left, bank["phase"][j] = g[LEFT], g[PHASE]
+        guessed = g[HEADING] - math.pi * left / cfg["spin_time"]
+        off = wrap_angle(heading - guessed)
+        share = GUESSED**2 / (GUESSED**2 + sd * sd)
+        if left > 0.0 or (abs(off) > 0.5 * math.pi and not goes):
+            share = 0.0
+        heading, sd = wrap_angle(guessed + share * off), GUESSED * math.sqrt(1.0 - share)
+        if abs(off) > 0.5 * math.pi and goes:
+            heading, sd, left = wrap_angle(guessed + off), deviation / speed, 0.0
+    elif not goes:
+        left, sd = 0.5 * cfg["spin_time"], ANY_HEADING
+    last = sights[filled - 1]
+    place(bank, j, last[1], last[2], heading, math.sqrt(variance), sd)
+    if left > 0.0:
+        bank["spun"][j], bank["turn"][j] = cfg["spin_time"] - left, cfg["spin_time"]
+        bank["p_spin"][j] = 0.9
+    for i in range(filled):
+        bank["sights"][j, i, :] = sights[i, :]
+    bank["filled"][j], bank["c_filled"][c] = filled, 0.0

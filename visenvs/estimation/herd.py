@@ -10,7 +10,7 @@ A track is one row of a bank (`bank_dtype`):
     sd_heading  rad, at most that of a heading of which nothing is known
     sd_phase    s
     age         time since it was last seen, s
-    status      NONE (0): nobody's, or lost; TRACKED (1); FINISHED (2): it has left the arena
+    status      NONE (0): nobody's yet; TRACKED (1); FINISHED (2): it has left the arena
 
 The rest is the tracks' own business. To use it: `start` at the beginning of an episode, then
 `place` for each robot whose pose is known; `step` at each picture (`sensors.ground_camera.look`),
@@ -19,7 +19,8 @@ with `dt` the time since the last one; `tell` when the aircraft has stopped or t
 
 There are as many robots as rows. A finding goes to the track that it fits best, by likelihood: what
 fits none is a candidate, and one found again and again takes the row of the robot that it most
-probably is. A track that should have been found and was not is lost.
+probably is (`candidates`). A robot out of sight is guessed at (`whereabouts`): its track shows the
+most central guess, and one after the other dies where the camera looks and finds nobody.
 
 Settings: a record with what `ground_camera` and `robot_clock` need, and side (of the arena, m).
 """
@@ -32,7 +33,7 @@ from typing import Any
 import numpy as np
 
 from visenvs.core.compile import kernel
-from visenvs.estimation import mmae, robot_clock
+from visenvs.estimation import mmae
 from visenvs.estimation.association import assign, assign_scratch
 from visenvs.estimation.candidates import ALONE, OUT_OF_SIGHT, follow, settle
 from visenvs.estimation.mmae import NEVER
@@ -49,7 +50,8 @@ from visenvs.estimation.robot_track import (
     report,
     tell,
 )
-from visenvs.sensors.ground_camera import FALSE, in_view, pixel_size
+from visenvs.estimation.whereabouts import carry_on, doubt, scatter, show
+from visenvs.sensors.ground_camera import FALSE, pixel_size
 
 __all__ = [
     "FINISHED",
@@ -63,9 +65,8 @@ __all__ = [
     "work_dtype",
 ]
 
-MISSED = 1e-6  # chance of not being found so often, below which a track is lost
-LOST_SD = 2.5  # standard deviation of the place above which it is lost, m
-BEYOND = 0.2  # how far behind the edge a robot out of sight must be to have left, m
+LOST_SD = 6.0  # standard deviation of a place of which nothing is known, m
+DELAYED = 0.1  # how much less is known of a timer each second out of sight, s/s^(1/2)
 LEAST_SD = 0.004  # of a finding, as assumed, m
 
 
@@ -79,7 +80,6 @@ def work_dtype(slots: int = 10) -> np.dtype[Any]:
             ("choice", "i8", (rows,)),
             ("assign", "f8", assign_scratch(rows, slots)),
             ("c_ztest", "f8", (CANDIDATES, slots)),
-            ("ways", "f8", (3,)),
             ("c_choice", "i8", (CANDIDATES,)),
             ("c_assign", "f8", assign_scratch(CANDIDATES, slots)),
         ]
@@ -90,7 +90,7 @@ def work_dtype(slots: int = 10) -> np.dtype[Any]:
 def start(bank):
     """Empty a bank at the time when all robots are started."""
     slots = bank["status"].shape[0]
-    bank["t"] = 0.0
+    bank["t"] = bank["picture"] = 0.0
     bank["r_O_N"][:] = math.inf
     bank["c_filled"][:] = 0.0
     for j in range(slots):
@@ -110,13 +110,12 @@ def step(bank, seen, count, pose, dt, cfg, work):
         cfg, work: settings, and a record of `work_dtype`.
     """
     bank["t"] += dt
+    bank["picture"] += 1.0
     variance = max(cfg["sigma_pixel"] * pixel_size(pose, cfg), LEAST_SD) ** 2
     for j in range(bank["status"].shape[0]):
         advance(bank, j, dt, cfg)
     compare(bank, seen, count, variance, work["ztest"])
     assign(work["ztest"], count, ALONE, work["choice"], work["assign"])
-    for j in range(bank["status"].shape[0]):
-        bank["age"][j] += dt
     for i in range(count):
         j = work["choice"][i]
         if j >= 0:
@@ -125,43 +124,41 @@ def step(bank, seen, count, pose, dt, cfg, work):
     settle(bank, variance, cfg, work)
     for j in range(bank["status"].shape[0]):
         if bank["status"][j] == TRACKED:
-            report(bank, j)
-            give_up(bank, j, pose, dt, cfg)
+            conclude(bank, j, pose, cfg)
 
 
 @kernel
 def advance(bank, j, dt, cfg):
-    """Predict track j, or go on by its clock where it is out of sight."""
+    """Predict track j, or let its guesses live on where it is out of sight."""
+    bank["age"][j] += dt
     bank["phase"][j] += dt
-    if bank["status"][j] == TRACKED and bank["age"][j] < OUT_OF_SIGHT:
+    if bank["status"][j] != TRACKED:
+        bank["phase"][j] -= cfg["period"] if bank["phase"][j] >= cfg["period"] else 0.0
+    elif bank["away"][j] > 0.0:
+        carry_on(bank, j, dt, cfg)
+        bank["sd_phase"][j] = math.hypot(bank["sd_phase"][j], DELAYED * math.sqrt(dt))
+    else:
         mmae.predict(bank["x"][j], bank["P"][j], dt, cfg)
         bank["spun"][j] += dt if bank["spun"][j] >= 0.0 else 0.0
-    elif bank["status"][j] == TRACKED:
-        robot_clock.coast(bank, j, dt, cfg)
-    elif bank["phase"][j] >= cfg["period"]:
-        bank["phase"][j] -= cfg["period"]
+
+
+@kernel
+def conclude(bank, j, pose, cfg):
+    """Write the public figures of track j, from its filters or its guesses, or end it."""
+    if bank["away"][j] == 0.0 and bank["age"][j] > OUT_OF_SIGHT:
+        scatter(bank, j, cfg)
+    if bank["away"][j] == 0.0:
+        report(bank, j)
+    elif doubt(bank, j, pose, cfg):
+        bank["status"][j] = FINISHED
+    else:
+        show(bank, j, cfg)
 
 
 @kernel
 def compare(bank, seen, count, variance, ztest):
     """Write the likelihood of every finding for every track in sight, as `fit`; else inf."""
     for j in range(bank["status"].shape[0]):
-        in_sight = bank["status"][j] == TRACKED and bank["age"][j] < OUT_OF_SIGHT
+        in_sight = bank["status"][j] == TRACKED and bank["away"][j] == 0.0
         for i in range(count):
             ztest[i, j] = fit(bank, j, seen[i], variance) if in_sight else math.inf
-
-
-@kernel
-def give_up(bank, j, pose, dt, cfg):
-    """Whether track j has left the arena, or is lost."""
-    north, east = bank["r_N"][j, 0], bank["r_N"][j, 1]
-    outside = max(abs(north), abs(east)) - 0.5 * cfg["side"]
-    if bank["age"][j] == 0.0:
-        return
-    if in_view(pose, north, east, 2.0 * bank["sd_r"][j], cfg):
-        bank["missed"][j] -= math.log(max(1.0 - cfg["p_detect"], 0.05))
-    missed = bank["missed"][j] > -math.log(MISSED)
-    if outside > BEYOND or (missed and outside > -BEYOND):
-        bank["status"][j] = FINISHED
-    elif missed or bank["sd_r"][j] > LOST_SD:
-        bank["status"][j] = NONE

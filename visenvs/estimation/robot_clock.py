@@ -1,4 +1,4 @@
-"""What a track knows of its robot's 20 s timer, and how it carries on by it while nobody sees it.
+"""What a track knows of its robot's 20 s timer.
 
 `phase` is the time since the robot's last reversal by the timer, s; all are started together, as if
 they had just reversed. A spin seen where one was due sets it right. One that nothing explains (not
@@ -14,46 +14,15 @@ from __future__ import annotations
 import math
 
 from visenvs.core.compile import kernel
-from visenvs.core.frames import wrap_angle
 from visenvs.estimation import mmae
-from visenvs.estimation.mmae import NEVER, SPIN, STRAIGHT
+from visenvs.estimation.mmae import SPIN
 from visenvs.estimation.slope import SIGHTS
 
-Q_COASTING = 0.08**2  # of the heading of a robot out of sight: its swerves, rad^2/s
 EARLY, LATE = 0.6, 3.4  # a reversal may be found so much before and after it is due, s
 SEEN = 0.15  # standard deviation of a phase whose reversal was seen, s
-DELAYED = 0.4  # what a reversal out of sight adds to it: a swerve or a spin may delay it, s
 SURPRISED = 1.0  # standard deviation after a spin that nothing explains, s
 UNKNOWN = 6.0  # standard deviation of a phase of which nothing is known, s
 BESIDE = 0.25  # gap at which robots may have bumped, m
-
-
-@kernel
-def coast(bank, j, dt, cfg):
-    """Carry track j on by what its robot should be doing, while it is out of sight."""
-    x, P = bank["x"][j], bank["P"][j]
-    if bank["spun"][j] < 0.0 and bank["phase"][j] >= cfg["period"]:
-        bank["spun"][j], bank["turn"][j] = bank["phase"][j] - cfg["period"], cfg["spin_time"]
-        bank["phase"][j] -= cfg["period"]
-        doubt = 2.0 * cfg["speed"] * bank["sd_phase"][j]  # it turns early or late on its way
-        along = math.cos(x[STRAIGHT, 2]), math.sin(x[STRAIGHT, 2])
-        for i in range(2):
-            for k in range(2):
-                P[STRAIGHT, i, k] += doubt * doubt * along[i] * along[k]
-        bank["sd_phase"][j] = math.hypot(bank["sd_phase"][j], DELAYED)
-        mmae.inherit(x, P, STRAIGHT, SPIN, 0.0)
-    if bank["spun"][j] >= 0.0:
-        mmae.predict_spin(x[SPIN], P[SPIN], dt, cfg)
-        bank["spun"][j] += dt
-        over = bank["spun"][j] - bank["turn"][j]
-        if over >= 0.0:
-            x[SPIN, 2] = wrap_angle(x[SPIN, 2] - math.pi * over / cfg["spin_time"])
-            bank["spun"][j] = NEVER
-        mmae.inherit(x, P, SPIN, STRAIGHT, 0.0)
-    else:
-        mmae.predict_straight(x[STRAIGHT], P[STRAIGHT], dt, mmae.Q_PLACE, Q_COASTING, cfg)
-        mmae.inherit(x, P, STRAIGHT, SPIN, 0.0)
-    bank["p_spin"][j] = mmae.LEAST if bank["spun"][j] < 0.0 else 1.0 - mmae.LEAST
 
 
 @kernel

@@ -15,6 +15,7 @@ from visenvs.core.frames import wrap_angle
 from visenvs.estimation import mmae, robot_clock
 from visenvs.estimation.mmae import NEVER, SPIN, STRAIGHT
 from visenvs.estimation.slope import SIGHTS, course, push
+from visenvs.estimation.whereabouts import GONE, GUESSES, turn_guesses
 
 NONE, TRACKED, FINISHED = 0.0, 1.0, 2.0
 CANDIDATES, OTHERS = 12, 4
@@ -30,7 +31,7 @@ def bank_dtype(slots: int = 10) -> np.dtype[Any]:
     if slots < 1:
         raise ValueError(f"slots={slots}: a bank holds at least one track; write `bank_dtype(10)`")
     names = ("heading", "p_spin", "phase", "sd_r", "sd_heading", "sd_phase", "age", "status")
-    own = ("spun", "turn", "missed", "filled")
+    own = ("spun", "turn", "filled", "away", "leader")
     return np.dtype(
         [
             ("r_N", "f8", (slots, 2)),
@@ -42,7 +43,8 @@ def bank_dtype(slots: int = 10) -> np.dtype[Any]:
             ("c_missed", "f8", (CANDIDATES,)),
             ("c_sights", "f8", (CANDIDATES, SIGHTS, 3)),
             ("r_O_N", "f8", (OTHERS, 2)),
-            ("t", "f8"),
+            ("guesses", "f8", (slots, GUESSES, GONE + 1)),  # while out of sight (`whereabouts`)
+            *((name, "f8") for name in ("t", "picture")),
         ]
     )
 
@@ -57,17 +59,19 @@ def place(bank, j, north, east, heading, sd_r, sd_heading):
         P[0, 0] = P[1, 1] = sd_r * sd_r
         P[2, 2] = sd_heading * sd_heading
     bank["p_spin"][j], bank["spun"][j], bank["status"][j] = mmae.LEAST, NEVER, TRACKED
-    bank["age"][j] = bank["missed"][j] = bank["filled"][j] = 0.0
+    bank["age"][j] = bank["away"][j] = bank["filled"][j] = 0.0
     report(bank, j)
 
 
 @kernel
 def tell(bank, j, half_turn, cfg):
     """Note that the aircraft has just made robot j spin: by half a turn, or by a touch's 45 deg."""
+    angle = math.pi if half_turn else 0.25 * math.pi
+    turn_guesses(bank, j, angle, cfg)
     winner = STRAIGHT if bank["spun"][j] < 0.0 else SPIN
     mmae.inherit(bank["x"][j], bank["P"][j], winner, 1 - winner, 0.0)
     bank["spun"][j], bank["p_spin"][j] = 0.0, 1.0 - mmae.LEAST
-    bank["turn"][j] = cfg["spin_time"] if half_turn else 0.25 * cfg["spin_time"]
+    bank["turn"][j] = cfg["spin_time"] * angle / math.pi
     if half_turn and cfg["bump_restarts_timer"]:
         bank["phase"][j], bank["sd_phase"][j] = 0.0, robot_clock.SEEN
 
@@ -90,7 +94,7 @@ def fit(bank, j, place, variance):
 def absorb(bank, j, place, variance, cfg, scratch):
     """Use a finding for track j, and what it tells of spins and of the clock."""
     x, P = bank["x"][j], bank["P"][j]
-    bank["age"][j] = bank["missed"][j] = 0.0
+    bank["age"][j] = 0.0
     spun = bank["spun"][j]
     least, most = mmae.LEAST, 1.0 - mmae.LEAST
     p_spin = mmae.update(x, P, bank["p_spin"][j], place, variance, least, most, scratch)

@@ -67,7 +67,7 @@ def land(landing, x, place, heading, speed, cfg, tape):
     Args: as of `begin`; tape: a `ddp.Tape`, kept from call to call for its first guess.
     """
     aim, fresh = landing["aim"], landing["fresh"]
-    n = max(int(round(landing["t_go"] / cfg["dt"])), 1)
+    n = max(round(landing["t_go"] / cfg["dt"]), 1)
     aim_ahead(place, heading, speed, landing["t_go"], fresh)
     gain = GAIN if landing["t_go"] >= FROZEN else 0.0
     if landing["begun"] == 0.0:
