@@ -1,4 +1,4 @@
-"""The factored filter (`estimation.ud`) against the conventional one, in double and single precision.
+"""The factored filter (`estimation.ud`) against the conventional one, in double and single.
 
 - `double`: random problems of 39 states, 15 that move and 24 that stand still: predictions, scalar
   updates, replaced states. Largest difference from the textbook's equations, in both.
