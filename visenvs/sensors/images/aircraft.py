@@ -49,12 +49,12 @@ def _slab(corners: Values, normal: int, thickness: float) -> list[Values]:
 
 
 def _mesh() -> Values:
-    """Triangles in the body frame (forward, right, down), m, (n, 3, 3)."""
+    """Triangles in the body frame (forward, right, down) from the wing's middle, m, (n, 3, 3)."""
     half = SPAN / 2
     body, _ = _tube([(0.75, 0.02), (0.6, 0.1), (0.1, 0.12), (-0.5, 0.07), (-1.15, 0.03)])
     wing = [
-        np.array([[0.2, 0.0, -0.1], [0.1, side * half, -0.14], [-0.12, side * half, -0.14],
-                  [-0.2, 0.0, -0.1]])
+        np.array([[0.2, 0.0, -0.12], [0.1, side * half, -0.14], [-0.12, side * half, -0.14],
+                  [-0.2, 0.0, -0.12]])
         for side in (-1.0, 1.0)
     ]  # fmt: skip
     tail = np.array([[-0.9, -0.42, 0.0], [-0.9, 0.42, 0.0], [-1.12, 0.42, 0.0],
@@ -62,11 +62,11 @@ def _mesh() -> Values:
     fin = np.array([[-0.85, 0.0, 0.0], [-1.05, 0.0, -0.36], [-1.18, 0.0, -0.36],
                     [-1.15, 0.0, 0.0]])  # fmt: skip
     slabs = [_slab(part, 2, 0.05) for part in (*wing, tail)] + [_slab(fin, 1, 0.04)]
-    return np.array(body + [triangle for slab in slabs for triangle in slab])
+    return np.array(body + [triangle for slab in slabs for triangle in slab]) + (0.0, 0.0, 0.14)
 
 
 MESH = _mesh()
-WING_TIPS = np.array([[-0.01, -SPAN / 2, -0.14], [-0.01, SPAN / 2, -0.14]])  # left, right, m
+WING_TIPS = np.array([[-0.01, -SPAN / 2, 0.0], [-0.01, SPAN / 2, 0.0]])  # left, right, m
 
 
 def draw_aircraft(
@@ -83,7 +83,7 @@ def draw_aircraft(
     Args:
         frame: RGB.
         optics, C: the camera and its attitude C_CN, (3, 3).
-        r: of the aircraft's centre relative to the camera, N, m, (3,).
+        r: of the middle of its wing relative to the camera, N, m, (3,).
         C_BN: its attitude, (3, 3).
         colour: RGB in full light.
         sun: direction to the light, N.

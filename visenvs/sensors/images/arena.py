@@ -57,7 +57,7 @@ class Arena:
             robots: records of `robots.ROBOT`, those that are out of view too.
         """
         project = optics.matrix @ C
-        level, frame = self._level(optics, C, -r_V_N[2]), None
+        level = self._level(optics, C, -r_V_N[2])
         cell = 2.0**level / TEXELS
         # texel (column, row) -> (north, east, 1) -> relative to the camera
         place = np.array(
@@ -75,8 +75,14 @@ class Arena:
         above = half_plane(optics, C)
         if len(above):
             cv2.fillConvexPoly(frame, np.rint(above * 16).astype(np.int32), wall, cv2.LINE_AA, 4)
-        draw_robots(frame, project, r_V_N, robots, self.colour)
-        return frame.astype(np.uint8, copy=False)
+        return self.place(np.asarray(frame, np.uint8), optics, C, r_V_N, robots)
+
+    def place(
+        self, frame: Image, optics: Optics, C: Values, r_V_N: Values, robots: NDArray[Any]
+    ) -> Image:
+        """Draw robots on a picture of the floor, in place, and return it."""
+        draw_robots(frame, optics.matrix @ C, r_V_N, robots, self.colour)
+        return frame
 
     def _level(self, optics: Optics, C: Values, altitude: float) -> int:
         """The copy whose texels are at most about as large as the pixels in the middle."""
