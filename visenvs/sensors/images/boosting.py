@@ -35,9 +35,9 @@ class Recipe:
         false_alarm: part of its negatives that it lets pass, at most.
     """
 
-    stages: int = 12
+    stages: int = 14
     stumps: int = 40
-    hit: float = 0.995
+    hit: float = 0.997
     false_alarm: float = 0.4
 
 

@@ -29,8 +29,9 @@ INNER = SIDE - 2
 FLATTEST = 10.0  # standard deviation of a window that is looked at, grey levels
 SLACK = 1e-5  # by which OpenCV lowers a stage's threshold
 STEP = 2  # from window to window, pixels of the resized picture
-RATIO = 1.1  # from one size to the next
-TOLERANCE = 0.16  # a window is tried where its size is off by no more than this part
+RATIO = 1.07  # from one size to the next
+TOLERANCE = 0.2  # a window is tried where its size is off by no more than this part
+SPREAD = 0.1  # sizes beyond the least and largest expected, in parts
 VOTES = 2  # windows that must agree
 MOST = 4000  # hits of one size at most
 
@@ -164,7 +165,7 @@ def _ladder(sizes: SizeWindow | tuple[float, float], region: Region) -> Values:
         right, bottom = region.right - 1, region.bottom - 1
         ends = [(region.left, region.top), (right, region.top), (region.left, bottom)]
         expected = sizes.at([*ends, (right, bottom)])
-        low, high = float(expected.min()) / RATIO, float(expected.max()) * RATIO
+        low, high = float(expected.min()) / (1 + SPREAD), float(expected.max()) * (1 + SPREAD)
     else:
         low, high = sizes
     low, high = max(low, 0.66 * SIDE), min(high, 8.0 * SIDE)

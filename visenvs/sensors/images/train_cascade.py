@@ -27,6 +27,7 @@ PROGRAM = "visenvs.sensors.images.train_cascade"
 FOLDER = Path(__file__).with_name("cascades")
 POSITIVES, NEGATIVES, MINED = 500, 600, 1000
 SIZES = (20.0, 110.0)  # of windows that negatives are mined in, pixels
+LOOKS = 5  # sizes a picture at every stage
 NOTHING = np.zeros(3)
 
 
@@ -72,7 +73,7 @@ class Mine:
         draws, share = Draws(self._seed, self._turn), 3 * self._windows // len(self._frames) + 1
         found: list[Patches] = []
         for frame in self._frames:
-            for _ in range(2):
+            for _ in range(LOOKS):
                 size = float(np.exp(draws.between(*np.log(SIZES))))
                 found.append(_hits(frame, cascade, size, draws, share))
         windows = np.concatenate(found)
