@@ -64,7 +64,7 @@ class Film:
     """The pictures of one episode, each drawn when it is asked for.
 
     Args:
-        records: lane records of the episode from its start to its end, shape (n,).
+        records: lane records of the episode from its start to its end, as of `fly`.
         task, config: what was flown.
         steps: which records are shown.
     """
@@ -111,16 +111,16 @@ def run(options: Options) -> None:
 
 
 def fly(policy: Policy, task: Task, config: Config, seed: int) -> NDArray[Any]:
-    """Lane records of one episode from its start to its end, shape (steps + 1,)."""
-    lanes = Lanes(task, config, 1)
+    """Lane records of one episode from start to end, (steps + 1,), or (steps + 1, n) of a team."""
+    lanes = Lanes(task, config, task.team(config))
     lanes.reset([seed])
-    records, state, start = [lanes.snapshot()], None, np.ones(1, bool)
-    while not lanes.done[0]:
+    records, state, start = [lanes.snapshot()], None, np.ones(lanes.count, bool)
+    while not lanes.over[0]:
         actions, state = decide(policy, lanes.rows, state, start)
         lanes.step(actions)
         records.append(lanes.snapshot())
-        start = np.zeros(1, bool)
-    return np.concatenate(records)
+        start = np.zeros(lanes.count, bool)
+    return np.concatenate(records) if lanes.team == 1 else np.stack(records)
 
 
 def write_gif(path: Path, film: Film, fps: float) -> None:
