@@ -15,12 +15,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from visenvs.core.config import Config, to_record
-from visenvs.core.layout import Choices, Layout, Row, Values, float_slots
+from visenvs.core.layout import SLOT, Choices, Frames, Layout, Row, Values, float_slots
 from visenvs.core.loop import HEADER, begin, begin_chosen, settle, write_rows
 from visenvs.core.outcome import RUNNING, TIME_LIMIT, Outcome
 from visenvs.core.registry import load_task
 
 FLOAT32 = np.dtype(np.float32)
+Phase = Callable[..., None]
 
 
 def lane_dtype(columns: list[Any]) -> np.dtype[Any]:
@@ -48,7 +49,9 @@ class Task:
             Tasks that end by themselves need none.
         picture: "module:function" that draws one lane record, imported when a frame is asked for.
         views: observation layouts by the choices of the configuration's `observation`; empty where
-            there is only one.
+            there is only one. One may be a camera's picture.
+        perceptions: (reset_lanes, step_lanes) to use instead for some choices of the
+            configuration's `perception`.
         modes: the same for `action`, by the configuration's `action_mode`.
         team: from the config, how many lanes make one episode together. Those of a team stand side
             by side, have one seed, and start together; lane i is agent i % team. A lane that has
@@ -65,7 +68,7 @@ class Task:
     summary: str
     scenarios: Mapping[str, Config]
     lane: np.dtype[Any]
-    observation: Layout
+    observation: Layout | Frames
     action: Layout | Choices
     costs: tuple[str, ...]
     metrics: Mapping[str, str]
@@ -73,7 +76,10 @@ class Task:
     step_lanes: Callable[..., None]
     max_steps: Callable[[Any], int] = field(default=lambda _config: 0)
     picture: str = field(default="")
-    views: Mapping[str, Layout] = field(default_factory=dict[str, Layout])
+    views: Mapping[str, Layout | Frames] = field(default_factory=dict[str, "Layout | Frames"])
+    perceptions: Mapping[str, tuple[Phase, Phase]] = field(
+        default_factory=dict[str, tuple["Phase", "Phase"]]
+    )
     modes: Mapping[str, Layout | Choices] = field(default_factory=dict[str, "Layout | Choices"])
     team: Callable[[Any], int] = field(default=lambda _config: 1)
     reference: str = "lq"
@@ -82,12 +88,19 @@ class Task:
     lost_above: float = math.inf
 
     def under(self, config: Config) -> Task:
-        """The card with the observation and the action that a configuration asks for."""
+        """The card with the observation, action and perception that a configuration asks for."""
         view = self.views.get(getattr(config, "observation", ""), self.observation)
         action = self.modes.get(getattr(config, "action_mode", ""), self.action)
-        if view is self.observation and action is self.action:
+        phases = self.reset_lanes, self.step_lanes
+        seeing = self.perceptions.get(getattr(config, "perception", ""), phases)
+        if isinstance(view, Frames):
+            view = replace(view, side=getattr(config, view.setting))
+        if view is self.observation and action is self.action and seeing == phases:
             return self
-        return replace(self, observation=view, action=action)
+        reset, step = seeing
+        return replace(
+            self, observation=view, action=action, reset_lanes=reset, step_lanes=step
+        )
 
     @property
     def takes(self) -> str:
@@ -101,7 +114,8 @@ class Lanes:
 
     Attributes:
         records: the whole state, one record per lane; read it by field name.
-        rows: float32 observation of every lane, shape (count, observation.size).
+        rows: observation of every lane: float32, shape (count, observation.size), or pictures,
+            uint8, shape (count, side, side, 3).
         rewards: of the last step, shape (count,).
         terms: minus the cost terms of the last step, whose sums are the rewards, shape
             (count, len(task.costs)).
@@ -116,14 +130,18 @@ class Lanes:
         if count % team:
             raise ValueError(f"{team} lanes of {task.id} fly together, {count} lanes do not divide")
         self.records: NDArray[Any] = np.zeros(count, task.lane)
-        self.rows: Row = np.zeros((count, task.observation.size), np.float32)
+        space = task.observation.space
+        self.rows: NDArray[Any] = np.zeros((count, *space.shape), space.dtype)
         self.rewards: Values = np.zeros(count)
         self.terms: Values = np.zeros((count, len(task.costs)))
         self._shape = (count, task.action.size)
         self._record = to_record(config)
-        self._slots = task.observation.slots(task.lane)
+        seen_as = task.observation
+        self._frames = seen_as if isinstance(seen_as, Frames) else None
+        self._slots = np.zeros(0, SLOT) if isinstance(seen_as, Frames) else seen_as.slots(task.lane)
+        numbers = self.rows if self._frames is None else np.zeros((count, 0), np.float32)
         self._integers, self._floats = as_integers(self.records), as_floats(self.records)
-        costs, results = float_slots(task.lane, task.costs), (self.terms, self.rewards, self.rows)
+        costs, results = float_slots(task.lane, task.costs), (self.terms, self.rewards, numbers)
         # plain arrays rather than records: a call unpacks them faster
         seen = self._integers, self._floats, costs
         self._settle_with = *seen, self._slots, task.max_steps(config), *results
@@ -170,8 +188,8 @@ class Lanes:
         else:
             lanes["seed"] = np.repeat(checked_seeds(seeds, len(lanes) // self.team), self.team)
         self.task.reset_lanes(lanes, self._record)
-        rows = np.zeros((len(lanes), self.rows.shape[1]), np.float32)
-        write_rows(as_floats(lanes), self._slots, rows)
+        rows = np.zeros((len(lanes), *self.rows.shape[1:]), self.rows.dtype)
+        self._observe(lanes, rows)
         self._integers[chosen] = as_integers(lanes)
         self.rows[chosen] = rows
 
@@ -192,7 +210,10 @@ class Lanes:
         if bad >= 0:
             raise self._refusal(bad, actions[bad].tolist())
         self.task.step_lanes(self.records, actions, self._record)
-        return settle(*self._settle_with)
+        ended = settle(*self._settle_with)
+        if self._frames is not None:
+            self._observe(self.records, self.rows)
+        return ended
 
     @property
     def allowed(self) -> NDArray[np.bool_]:
@@ -225,11 +246,18 @@ class Lanes:
         if snapshot.dtype != self.records.dtype or snapshot.shape != self.records.shape:
             raise ValueError(f"the snapshot is not of {self.count} lanes of {self.task.id}")
         self.records[:] = snapshot
-        write_rows(self._floats, self._slots, self.rows)
+        self._observe(self.records, self.rows)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Copies and pickles name their task, so that no compiled code is in them."""
         return _revive, (self.task.id, self.config, self.records, self.rewards, self.terms)
+
+    def _observe(self, lanes: NDArray[Any], rows: NDArray[Any]) -> None:
+        """Write the observations of lane records."""
+        if self._frames is not None:
+            self._frames.drawing(lanes, self._record, rows)
+        else:
+            write_rows(as_floats(lanes), self._slots, rows)
 
     def _shaped(self, actions: ArrayLike) -> Row:
         with np.errstate(over="ignore"):

@@ -22,6 +22,7 @@ from visenvs.sensors.images.textures import packed, periodic
 
 SIZE, LEVELS = 1024, 6
 GROUND_STREAM, CLOUD_STREAM = 0, 1
+LOWEST = 1.0  # distance of the camera from ground and clouds, m
 SAMPLES = 3  # rays a pixel of a ball's edge, each way
 COLOURS = np.dtype([(name, "f8", (3,)) for name in ("low", "high", "sky", "cloud", "haze")])
 
@@ -75,16 +76,11 @@ class Outdoor:
         Args:
             optics: the camera.
             C: its attitude C_CN, (3, 3).
-            r_V_N: its position, m, (3,), between ground and clouds.
+            r_V_N: its position, m, (3,); beyond ground or clouds it is drawn LOWEST from them.
         """
         frame, sky = np.empty((optics.height, optics.width, 3), np.uint8), self.sky
         heights = np.array([sky.ground - r_V_N[2], sky.ceiling + r_V_N[2]])
-        if not heights.min() > 0.0:
-            raise ValueError(
-                f"the camera at {np.asarray(r_V_N).tolist()} is not between the ground, "
-                f"{sky.ground:g} m below the origin, and the clouds, {sky.ceiling:g} m above it; "
-                "write `Sky(ground=..., ceiling=...)`"
-            )
+        heights = np.maximum(heights, LOWEST)
         texels = np.array([sky.ground_texel, sky.cloud_texel])
         textures, lens = (self._ground, self._clouds), (optics.focal, optics.cx, optics.cy)
         paint_background(
