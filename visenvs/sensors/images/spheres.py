@@ -28,7 +28,7 @@ AROUND = 4  # of the background, pixels on all sides
 ROUND = 0.02  # how much an area may miss of its ellipse
 LARGEST = 8  # circles of one area at most
 NEAR = 1.1  # a point of the outline lies on a circle that passes so near, pixels
-LEAST_ARC = 0.2  # of a circle must be seen
+LEAST_ARC = 0.3  # of a circle must be seen
 TRIES = 24  # places on the outline where a circle is tried, at each of SPREADS
 SPREADS = (0.06, 0.12, 0.2, 0.33)  # between the three points of a try, in outlines
 
