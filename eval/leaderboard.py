@@ -40,6 +40,8 @@ class Options:
     """How many of the public seeds to fly, from the first on."""
     estimator: str | None = None
     """Estimator of every policy; if not given, the scenario's, and the laws again on the truth."""
+    perception: str | None = None
+    """How pictures become measurements (points or images); the scenario's if not given."""
     reference: str | None = None
     """Policy that the others are compared with; each environment's own reference if not given."""
     json: Path | None = None
@@ -76,7 +78,7 @@ def _scenes(options: Options, names: Sequence[str] | None) -> list[Scene]:
     errors: list[ValueError] = []
     for env in envs:
         try:
-            scene = plan_scene(env, *asked, options.trust)
+            scene = plan_scene(env, *asked, options.trust, options.perception)
         except ValueError as error:
             errors.append(error)
             continue
@@ -86,7 +88,7 @@ def _scenes(options: Options, names: Sequence[str] | None) -> list[Scene]:
             or all(job.entry for job in scene.jobs if not job.told_truth)
         ):
             scenes.append(scene)
-    if errors and (not scenes or not any(asked)):
+    if errors and (not scenes or not any((*asked, options.perception))):
         raise errors[0]
     if not scenes:
         raise ValueError(f"no environment can be flown by all of {options.policies}; write --env")
