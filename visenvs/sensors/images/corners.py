@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from visenvs.sensors.images.optics import Image, Values
 
-MOST, QUALITY, APART, SENSITIVITY = 80, 0.02, 9, 0.04
+MOST, QUALITY, APART, SENSITIVITY = 80, 0.004, 9, 0.04
 PATCH = 13  # side, pixels
 REFINE = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 8, 0.05)
 Patches = NDArray[np.float32]  # (n, PATCH * PATCH), mean 0 and length 1
