@@ -87,11 +87,11 @@ class ZeroPolicy:
 
 
 class RandomPolicy:
-    """Uniform actions from a generator of its own, seeded at construction."""
+    """Uniform actions: draws of a generator for each call, whose number is the memory."""
 
     def __init__(self, task: Task, seed: int = 0) -> None:
         self._task = task
-        self._rng = np.random.default_rng(seed)
+        self._seed = seed
 
     def predict(
         self,
@@ -101,9 +101,10 @@ class RandomPolicy:
         deterministic: bool = True,
     ) -> tuple[Actions, State | None]:
         """Independent draws in [-1, 1] or of what may be chosen, `deterministic` or not."""
-        action = self._task.action
+        action, calls = self._task.action, 0 if state is None else state
+        rng = np.random.default_rng([self._seed, calls])
         if isinstance(action, Choices):
             allowed = action.allowed(observation, self._task.observation)
-            return (self._rng.random(allowed.shape) * allowed).argmax(axis=1), state
+            return (rng.random(allowed.shape) * allowed).argmax(axis=1), calls + 1
         shape = (len(observation), action.size)
-        return self._rng.uniform(-1.0, 1.0, shape).astype(np.float32), state
+        return rng.uniform(-1.0, 1.0, shape).astype(np.float32), calls + 1

@@ -33,6 +33,7 @@ FIRST_LAYER = {
 }
 SETS = "features_extractor.encoder."  # our own, see `sets.py`
 CARD = ("information", "algo", "residual", "steps")  # what is read of it besides its sha256
+RESIDUAL = {"law", "scale"}
 ACTIVATIONS = ("Tanh", "ReLU", "ELU", "LeakyReLU", "SiLU", "GELU")
 
 
@@ -115,6 +116,11 @@ def read_card(model: Path) -> dict[str, Any]:
         raise ValueError(
             f"{path} does not say {', '.join(lacking)}; expected what `python -m train.sb3` writes"
         )
+    residual = card["residual"]
+    if residual is not None and not (isinstance(residual, dict) and set(residual) == RESIDUAL):
+        raise ValueError(
+            f'{path}: residual must be null or {{"law": NAME, "scale": NUMBER}}, got {residual!r}'
+        )
     return card
 
 
@@ -135,13 +141,22 @@ def load_network(path: Path, task: Task, trust: bool = False) -> Any:
     if trust:
         masked = algo == "ppo" and isinstance(task.action, Choices)
         algo = "maskable_ppo" if masked else algo
-        network = _algorithm_class(algo).load(path, device="cpu").policy
+        network = _unpickled(path, algo)
     else:
         network = _rebuild(_architecture(path, algo, weights, data), weights, task, path)
     if network.observation_space.shape != task.observation.space.shape:
         raise _wrong_space(path, task, network.observation_space.shape[0])
     network.set_training_mode(False)
     return network
+
+
+def _unpickled(path: Path, algo: str) -> Any:
+    try:
+        return _algorithm_class(algo).load(path, device="cpu").policy
+    except Exception as error:  # the file's own code runs
+        raise ValueError(
+            f"{path} cannot be loaded, even with --trust: {type(error).__name__}: {error}"
+        ) from error
 
 
 def _read_zip(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Generator, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -20,7 +18,7 @@ from agents import registry
 from agents.policy import Policy
 from visenvs.core.cli import launch
 from visenvs.core.config import Config, override, pick
-from visenvs.core.files import check_writable
+from visenvs.core.files import check_writable, replacing
 from visenvs.core.lanes import Lanes, Task
 from visenvs.core.registry import load_task
 
@@ -175,18 +173,6 @@ def write_png(path: Path, frame: Frame) -> None:
     from PIL import Image
 
     Image.fromarray(frame).save(path, format="PNG", optimize=True)
-
-
-@contextmanager
-def replacing(path: Path) -> Generator[Path]:
-    """A temporary file beside `path` with the same suffix; it takes its name if all goes well."""
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
-    try:
-        yield temporary
-        os.replace(temporary, path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
 
 
 def _check(options: Options) -> None:

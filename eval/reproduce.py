@@ -14,11 +14,13 @@ from rich.table import Column, Table
 from visenvs.core.cli import launch
 from visenvs.core.config import pick
 from visenvs.core.files import check_writable, write_json
-from visenvs.core.provenance import provenance
 
 from .cases import Row, cases
-from .rollout import PUBLIC_SEEDS, public_seeds
+from .results import meta
+from .rollout import public_seeds
 from .tables import screen
+
+PROGRAM = "eval.reproduce"
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,7 @@ class Options:
 
 def main(options: Options) -> None:
     """Print the papers' figures beside ours, with standard errors and a verdict."""
-    public_seeds(options.episodes)
+    seeds = public_seeds(options.episodes)
     if options.json is not None:
         check_writable(options.json)
     if options.plots is not None:
@@ -51,12 +53,8 @@ def main(options: Options) -> None:
             print(f"written: {case.plot(options.plots, options.episodes)}")
     screen().print(table(rows))
     if options.json is not None:
-        seeds = {"first": PUBLIC_SEEDS[0], "count": options.episodes}
         content = [{**asdict(row), "ok": row.ok} for row in rows]
-        write_json(
-            options.json,
-            {"rows": content, "meta": {**provenance("eval.reproduce"), "seeds": seeds}},
-        )
+        write_json(options.json, {"rows": content, "meta": meta(PROGRAM, seeds)})
     outside = [row.id for row in rows if row.ok is False]
     if outside:
         raise ValueError(f"outside the accepted band: {', '.join(outside)}")
@@ -86,4 +84,4 @@ def _number(value: float | None, absent: str = "") -> str:
 
 
 if __name__ == "__main__":
-    launch("eval.reproduce", Options, main)
+    launch(PROGRAM, Options, main)

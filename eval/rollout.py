@@ -17,7 +17,7 @@ from visenvs.core.layout import Row
 from visenvs.core.outcome import Outcome
 
 PUBLIC_SEEDS = range(100_000, 101_000)
-LANES = 1024  # at most so many at once
+SHARD = 250  # seeds that fly at once, on every backend
 
 
 @dataclass(frozen=True)
@@ -60,10 +60,18 @@ def rollout(
     """Each seed once: a lane for each seed, none begun twice, so short episodes win no seats."""
     if not len(seeds):
         raise ValueError("a rollout needs at least one seed")
-    most = max(1, LANES // task.team(config))
-    parts = [_fly(policy, task, config, seeds[i : i + most]) for i in range(0, len(seeds), most)]
+    return join([_fly(policy, task, config, shard) for shard in shards(seeds)])
+
+
+def shards(seeds: Sequence[int]) -> list[Sequence[int]]:
+    """The seeds in the portions in which they fly."""
+    return [seeds[i : i + SHARD] for i in range(0, len(seeds), SHARD)]
+
+
+def join(parts: Sequence[Rollout]) -> Rollout:
+    """One rollout of all."""
     return Rollout(
-        seeds=np.asarray(seeds, np.int64),
+        seeds=np.concatenate([part.seeds for part in parts]),
         records=np.concatenate([part.records for part in parts]),
         returns=np.concatenate([part.returns for part in parts]),
         steps=np.concatenate([part.steps for part in parts]),
