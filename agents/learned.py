@@ -144,7 +144,7 @@ def load_network(path: Path, task: Task, trust: bool = False) -> Any:
         network = _unpickled(path, algo)
     else:
         network = _rebuild(_architecture(path, algo, weights, data), weights, task, path)
-    if network.observation_space.shape != task.observation.space.shape:
+    if network.observation_space.shape != task.space.shape:
         raise _wrong_space(path, task, network.observation_space.shape[0])
     network.set_training_mode(False)
     return network

@@ -237,11 +237,16 @@ def build_model(options: Options, preset: Preset, lanes: LaneVecEnv) -> BaseAlgo
         return start * max(left, 0.05)
 
     settings: dict[str, Any] = preset.model | {"learning_rate": schedule}
-    sets = set_network(lanes.lanes.task.observation, preset.sets) if preset.sets else {}
+    task = lanes.lanes.task
+    policy, kwargs = POLICIES.get(options.algo, "MlpPolicy"), preset.policy
+    if task.frames is not None:
+        policy = policy.replace("Mlp", "Cnn")
+    elif preset.sets:
+        kwargs = kwargs | set_network(task.observation, preset.sets)
     return algorithm(
-        POLICIES.get(options.algo, "MlpPolicy"),
+        policy,
         lanes,
-        policy_kwargs=preset.policy | sets,
+        policy_kwargs=kwargs,
         tensorboard_log=str(options.out / "tb"),
         device="cpu",
         **settings,

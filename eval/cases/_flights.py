@@ -71,7 +71,9 @@ def attitude(t: float) -> Values:
 def rates(t: float) -> Values:
     """Body rates over the sample from t on, rad/s: the rotation vector over its length."""
     turn = attitude(t + DT) @ attitude(t).T
-    off = 0.5 * np.array([turn[1, 2] - turn[2, 1], turn[2, 0] - turn[0, 2], turn[0, 1] - turn[1, 0]])
+    off = 0.5 * np.array(
+        [turn[1, 2] - turn[2, 1], turn[2, 0] - turn[0, 2], turn[0, 1] - turn[1, 0]]
+    )
     sine = float(np.linalg.norm(off))
     return off / DT * (math.asin(min(sine, 1.0)) / sine if sine > 1e-9 else 1.0)
 
@@ -113,7 +115,9 @@ def fly(seed: int, seconds: float, rate: int, camera: str, altimeter: bool = Tru
         used.append(filter_.see(image, height))
         nav = filter_.nav[0]
         off.append(nav["p"] - p)
-        heading.append(float(np.arctan2(nav["C"][0, 1], nav["C"][0, 0]) - np.arctan2(C[0, 1], C[0, 0])))
+        heading.append(
+            float(np.arctan2(nav["C"][0, 1], nav["C"][0, 0]) - np.arctan2(C[0, 1], C[0, 0]))
+        )
     times = np.arange(0.0, seconds, 0.1)
     speeds = [float(np.linalg.norm(path(t)[1])) for t in times]
     turned = np.mod(np.array(heading) + math.pi, 2.0 * math.pi) - math.pi

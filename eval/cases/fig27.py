@@ -61,7 +61,7 @@ def still_pictures(count: int) -> tuple[int, int, int, list[float], list[float]]
         rng = np.random.default_rng(k)
         world, frame, C = outside(rng, OPTICS)
         places = spheres(rng)
-        pixels, depth = OPTICS.project(np.eye(3), places)
+        pixels, _ = OPTICS.project(np.eye(3), places)
         angles = np.arcsin(RADIUS / np.linalg.norm(places, axis=1))
         world.balls(frame, OPTICS, C, places @ C, np.full(len(places), RADIUS), RED)
         balls = detect(taken(frame, k), OPTICS)

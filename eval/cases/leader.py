@@ -2,8 +2,8 @@
 
 No published figure: the papers show that the processor of their flight tests follows a leader, and
 take its errors from there. A wing of 8.75 ft, 60 to 200 ft ahead, roll within 40 deg, aspect within
-10 deg, a field of view of 40 deg, predicted to 3 px (standard deviation). `red` is coloured, `white` flies
-before haze, clouds and ground, and often is not registered.
+10 deg, a field of view of 40 deg, predicted to 3 px (standard deviation). A `white` leader before
+haze, clouds and ground often is not registered.
 """
 
 from __future__ import annotations
@@ -25,14 +25,19 @@ from ._pictures import Values, outside, rms, taken, turned
 CASE = "leader"
 OPTICS = Optics(320, 240, 160.0 / math.tan(math.radians(20.0)))
 COLOURS = {"red": (200.0, 60.0, 50.0), "white": (240.0, 240.0, 240.0)}
-RANGES = {"60-100ft": (60, 100), "100ft": (98, 102), "100-150ft": (100, 150), "150-200ft": (150, 200)}
+RANGES = {
+    "60-100ft": (60, 100),
+    "100ft": (98, 102),
+    "100-150ft": (100, 150),
+    "150-200ft": (150, 200),
+}
 FOUND = {"60-100ft", "100-150ft"}  # where a coloured leader must be
 OFF = 3.0  # standard deviation of the prediction, pixels
 WRONG = 0.2  # a relative error of the angle that counts as another thing found
 
 
 def rows(episodes: int) -> list[Row]:
-    """Registered share, wrong ones among them, errors of centre (px) and of the angle (relative)."""
+    """Registered share, wrong ones among them, errors of centre (px) and angle (relative)."""
     out: list[Row] = []
     for colour, paint in COLOURS.items():
         for name, (near, far) in RANGES.items():
@@ -54,7 +59,9 @@ def rows(episodes: int) -> list[Row]:
     return out
 
 
-def look(count: int, paint: tuple[float, float, float], near: float, far: float) -> tuple[Values, ...]:
+def look(
+    count: int, paint: tuple[float, float, float], near: float, far: float
+) -> tuple[Values, ...]:
     """Which pictures were registered (count,); of these, errors of the angle and the centre."""
     found = np.zeros(count, bool)
     errors: list[float] = []

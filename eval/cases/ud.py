@@ -147,7 +147,8 @@ def broken_frames(sigma: np.float32) -> dict[str, int]:
         for _ in range(40):
             h = np.zeros(n, np.float32)
             j = m + 3 * int(rng.integers((n - m) // 3))
-            h[:9], h[j : j + 3] = rng.normal(size=9), rng.normal(size=3)
+            h[:9] = rng.normal(size=9).astype(np.float32)
+            h[j : j + 3] = rng.normal(size=3).astype(np.float32)
             for name, use in FILTERS.items():
                 P[name] = use(P[name], h, r)
             ud.update(x, U, D, h, np.float32(0), r, f, v, b)

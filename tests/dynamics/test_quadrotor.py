@@ -11,8 +11,13 @@ from visenvs.dynamics.quadrotor import attitude, fly, tilt_for, turn
 pytestmark = pytest.mark.kernel
 
 LANE = np.dtype(
-    [("r_V_N", "f8", 3), ("v_V_N", "f8", 3), ("a_V_N", "f8", 3), ("q_V", "f8", 4)]
-    + [("omega_V", "f8", 3)]
+    [
+        ("r_V_N", "f8", 3),
+        ("v_V_N", "f8", 3),
+        ("a_V_N", "f8", 3),
+        ("q_V", "f8", 4),
+        ("omega_V", "f8", 3),
+    ]
 )
 CFG = np.dtype(
     [(name, "f8") for name in ("dt", "bandwidth", "damping", "rate_max")] + [("substeps", "i8")]

@@ -12,10 +12,11 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from gymnasium.spaces import Box
 from numpy.typing import ArrayLike, NDArray
 
 from visenvs.core.config import Config, to_record
-from visenvs.core.layout import SLOT, Choices, Frames, Layout, Row, Values, float_slots
+from visenvs.core.layout import Choices, Frames, Layout, Row, Values, float_slots
 from visenvs.core.loop import HEADER, begin, begin_chosen, settle, write_rows
 from visenvs.core.outcome import RUNNING, TIME_LIMIT, Outcome
 from visenvs.core.registry import load_task
@@ -49,7 +50,9 @@ class Task:
             Tasks that end by themselves need none.
         picture: "module:function" that draws one lane record, imported when a frame is asked for.
         views: observation layouts by the choices of the configuration's `observation`; empty where
-            there is only one. One may be a camera's picture.
+            there is only one.
+        pictures: for some choices of it, the pictures that are observed instead of rows.
+        frames: those that a configuration asks for, None for rows.
         perceptions: (reset_lanes, step_lanes) to use instead for some choices of the
             configuration's `perception`.
         modes: the same for `action`, by the configuration's `action_mode`.
@@ -68,7 +71,7 @@ class Task:
     summary: str
     scenarios: Mapping[str, Config]
     lane: np.dtype[Any]
-    observation: Layout | Frames
+    observation: Layout
     action: Layout | Choices
     costs: tuple[str, ...]
     metrics: Mapping[str, str]
@@ -76,7 +79,9 @@ class Task:
     step_lanes: Callable[..., None]
     max_steps: Callable[[Any], int] = field(default=lambda _config: 0)
     picture: str = field(default="")
-    views: Mapping[str, Layout | Frames] = field(default_factory=dict[str, "Layout | Frames"])
+    views: Mapping[str, Layout] = field(default_factory=dict[str, Layout])
+    pictures: Mapping[str, Frames] = field(default_factory=dict[str, Frames])
+    frames: Frames | None = None
     perceptions: Mapping[str, tuple[Phase, Phase]] = field(
         default_factory=dict[str, tuple["Phase", "Phase"]]
     )
@@ -93,14 +98,26 @@ class Task:
         action = self.modes.get(getattr(config, "action_mode", ""), self.action)
         phases = self.reset_lanes, self.step_lanes
         seeing = self.perceptions.get(getattr(config, "perception", ""), phases)
-        if isinstance(view, Frames):
-            view = replace(view, side=getattr(config, view.setting))
-        if view is self.observation and action is self.action and seeing == phases:
+        frames = self.pictures.get(getattr(config, "observation", ""))
+        if frames is not None:
+            frames = replace(frames, side=getattr(config, frames.setting))
+        chosen = view, action, seeing, frames
+        if chosen == (self.observation, self.action, phases, self.frames):
             return self
         reset, step = seeing
         return replace(
-            self, observation=view, action=action, reset_lanes=reset, step_lanes=step
+            self,
+            observation=view,
+            action=action,
+            reset_lanes=reset,
+            step_lanes=step,
+            frames=frames,
         )
+
+    @property
+    def space(self) -> Box:
+        """The space of an observation: a row, or a picture."""
+        return self.observation.space if self.frames is None else self.frames.space
 
     @property
     def takes(self) -> str:
@@ -130,16 +147,15 @@ class Lanes:
         if count % team:
             raise ValueError(f"{team} lanes of {task.id} fly together, {count} lanes do not divide")
         self.records: NDArray[Any] = np.zeros(count, task.lane)
-        space = task.observation.space
-        self.rows: NDArray[Any] = np.zeros((count, *space.shape), space.dtype)
+        numbers: Row = np.zeros((count, task.observation.size), np.float32)
+        self.rows: NDArray[Any] = numbers
+        if task.frames is not None:
+            self.rows = np.zeros((count, *task.space.shape), np.uint8)
         self.rewards: Values = np.zeros(count)
         self.terms: Values = np.zeros((count, len(task.costs)))
         self._shape = (count, task.action.size)
         self._record = to_record(config)
-        seen_as = task.observation
-        self._frames = seen_as if isinstance(seen_as, Frames) else None
-        self._slots = np.zeros(0, SLOT) if isinstance(seen_as, Frames) else seen_as.slots(task.lane)
-        numbers = self.rows if self._frames is None else np.zeros((count, 0), np.float32)
+        self._slots = task.observation.slots(task.lane)
         self._integers, self._floats = as_integers(self.records), as_floats(self.records)
         costs, results = float_slots(task.lane, task.costs), (self.terms, self.rewards, numbers)
         # plain arrays rather than records: a call unpacks them faster
@@ -211,7 +227,7 @@ class Lanes:
             raise self._refusal(bad, actions[bad].tolist())
         self.task.step_lanes(self.records, actions, self._record)
         ended = settle(*self._settle_with)
-        if self._frames is not None:
+        if self.task.frames is not None:
             self._observe(self.records, self.rows)
         return ended
 
@@ -254,8 +270,8 @@ class Lanes:
 
     def _observe(self, lanes: NDArray[Any], rows: NDArray[Any]) -> None:
         """Write the observations of lane records."""
-        if self._frames is not None:
-            self._frames.drawing(lanes, self._record, rows)
+        if self.task.frames is not None:
+            self.task.frames.drawing(lanes, self._record, rows)
         else:
             write_rows(as_floats(lanes), self._slots, rows)
 

@@ -190,7 +190,7 @@ class Layout:
 
 @dataclass(frozen=True)
 class Frames:
-    """An observation that is a camera's picture: RGB, uint8, (side, side, 3).
+    """A camera's pictures as observations, in place of rows: RGB, uint8, (side, side, 3).
 
     Attributes:
         draw: "module:function" that writes the pictures of lane records, imported when it is first
@@ -202,16 +202,6 @@ class Frames:
     draw: str
     setting: str
     side: int = 0
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """It has no fields that a law could read."""
-        return ()
-
-    @property
-    def size(self) -> int:
-        """How many numbers an observation has."""
-        return self.side * self.side * 3
 
     @cached_property
     def space(self) -> gym.spaces.Box:

@@ -22,9 +22,21 @@ LEAST_THRUST = 0.2  # of the weight, so that it stays upright
 def attitude(q, C):
     """Write C_BN of a unit quaternion (scalar first), (3, 3)."""
     w, x, y, z = q[0], q[1], q[2], q[3]
-    C[0, 0], C[0, 1], C[0, 2] = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)
-    C[1, 0], C[1, 1], C[1, 2] = 2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + w * x)
-    C[2, 0], C[2, 1], C[2, 2] = 2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)
+    C[0, 0], C[0, 1], C[0, 2] = (
+        1.0 - 2.0 * (y * y + z * z),
+        2.0 * (x * y + w * z),
+        2.0 * (x * z - w * y),
+    )
+    C[1, 0], C[1, 1], C[1, 2] = (
+        2.0 * (x * y - w * z),
+        1.0 - 2.0 * (x * x + z * z),
+        2.0 * (y * z + w * x),
+    )
+    C[2, 0], C[2, 1], C[2, 2] = (
+        2.0 * (x * z + w * y),
+        2.0 * (y * z - w * x),
+        1.0 - 2.0 * (x * x + y * y),
+    )
 
 
 @kernel

@@ -54,8 +54,8 @@ def picture(lane: np.void, config: Any, side: int) -> Image:
     world.balls(frame, optics, LEVEL, beacon, np.array([BEACON]), GREEN)
     r, radii = lane["r_O_N"][:n] - lane["r_V_N"], config["ball"] * lane["radius"][:n]
     world.balls(frame, optics, LEVEL, r, radii, RED)
-    names = (int(lane[name]) for name in ("seed", "episode"))
-    return expose(frame, LENS, *names, EXPOSURE, int(lane["step"]))
+    seed, episode, step = (int(lane[name]) for name in ("seed", "episode", "step"))
+    return expose(frame, LENS, seed, episode, EXPOSURE, step)
 
 
 def frames(lanes: NDArray[Any], config: NDArray[Any], out: NDArray[np.uint8]) -> None:

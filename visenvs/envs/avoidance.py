@@ -417,8 +417,14 @@ def take_in(lanes, config, moved, sighted, started):
         if lanes[i]["outcome"] == RUNNING:
             w["found"] = sighted[i]["count"]
             for j in range(w["found"]):
-                w["labels"][j], w["distance"][j] = sighted[i]["labels"][j], sighted[i]["distance"][j]
-                w["seen"][j, 0], w["seen"][j, 1] = sighted[i]["seen"][j, 0], sighted[i]["seen"][j, 1]
+                w["labels"][j], w["distance"][j] = (
+                    sighted[i]["labels"][j],
+                    sighted[i]["distance"][j],
+                )
+                w["seen"][j, 0], w["seen"][j, 1] = (
+                    sighted[i]["seen"][j, 0],
+                    sighted[i]["seen"][j, 1],
+                )
             for j in range(3):
                 w["moved"][j] = moved[i, j]
             if started:
@@ -456,11 +462,8 @@ TASK = Task(
     scenarios=SCENARIOS,
     lane=LANE,
     observation=OBSERVATION,
-    views={
-        "belief": OBSERVATION,
-        "told": TOLD_TOO,
-        "pixels": Frames("visenvs.envs._avoidance_images:frames", "frame"),
-    },
+    views={"belief": OBSERVATION, "told": TOLD_TOO},
+    pictures={"pixels": Frames("visenvs.envs._avoidance_images:frames", "frame")},
     action=ACTION,
     costs=("cost_control", "cost_violation", "cost_divergence", "cost_miss"),
     metrics={

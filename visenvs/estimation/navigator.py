@@ -158,9 +158,7 @@ class Navigator:
         vio.correct(nav, scratch)
 
 
-def integrate_all(
-    nav: NDArray[Any], samples: Values, dt: float, scratch: NDArray[Any]
-) -> None:
+def integrate_all(nav: NDArray[Any], samples: Values, dt: float, scratch: NDArray[Any]) -> None:
     """Use IMU samples (n, 2, 3) one after the other."""
     for force, rate in samples:
         vio.integrate(nav[0], force, rate, dt, scratch[0])

@@ -1,7 +1,7 @@
 """The Bierman-Thornton filter of the IARC paper: navigation by an IMU and floor landmarks.
 
 Estimated are position and velocity in N, attitude, and the biases of accelerometer and gyro, with
-the places of SLOTS landmarks. The filter runs on their errors (dp, dv, dtheta, dba, dbg | dl_1 ...):
+the places of SLOTS landmarks. The filter runs on the errors (dp, dv, dtheta, dba, dbg | dl_1, ..):
 dtheta is a rotation vector in B, C_NB = C_NB_hat (I + [dtheta x]), three numbers; the four of a
 quaternion, as printed, have a singular covariance. The vehicle's errors come first and the
 landmarks' last, so that a prediction works on a block of 15 by 27 (`ud.predict_leading`).

@@ -6,6 +6,7 @@ Averaged down, that covers pixels in part, so that wings one or two pixels thick
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -19,7 +20,7 @@ MARGIN = 2  # of the region drawn, pixels
 SPAN = 2.667  # of the mesh, m: 8.75 ft
 
 
-def _tube(stations: list[tuple[float, float]], sides: int = 6) -> tuple[list[Values], list[Values]]:
+def _tube(stations: list[tuple[float, float]], sides: int = 6) -> list[Values]:
     """Triangles around the body axis through (x, radius) stations."""
     angles = np.linspace(0.0, 2.0 * math.pi, sides, endpoint=False)
     rings = [
@@ -27,11 +28,11 @@ def _tube(stations: list[tuple[float, float]], sides: int = 6) -> tuple[list[Val
         for x, r in stations
     ]
     out: list[Values] = []
-    for one, other in zip(rings[:-1], rings[1:], strict=True):
+    for one, other in pairwise(rings):
         for k in range(sides):
             m = (k + 1) % sides
             out += [np.array([one[k], other[k], other[m]]), np.array([one[k], other[m], one[m]])]
-    return out, rings
+    return out
 
 
 def _slab(corners: Values, normal: int, thickness: float) -> list[Values]:
@@ -51,7 +52,7 @@ def _slab(corners: Values, normal: int, thickness: float) -> list[Values]:
 def _mesh() -> Values:
     """Triangles in the body frame (forward, right, down) from the wing's middle, m, (n, 3, 3)."""
     half = SPAN / 2
-    body, _ = _tube([(0.75, 0.02), (0.6, 0.1), (0.1, 0.12), (-0.5, 0.07), (-1.15, 0.03)])
+    body = _tube([(0.75, 0.02), (0.6, 0.1), (0.1, 0.12), (-0.5, 0.07), (-1.15, 0.03)])
     wing = [
         np.array([[0.2, 0.0, -0.12], [0.1, side * half, -0.14], [-0.12, side * half, -0.14],
                   [-0.2, 0.0, -0.12]])
@@ -62,7 +63,8 @@ def _mesh() -> Values:
     fin = np.array([[-0.85, 0.0, 0.0], [-1.05, 0.0, -0.36], [-1.18, 0.0, -0.36],
                     [-1.15, 0.0, 0.0]])  # fmt: skip
     slabs = [_slab(part, 2, 0.05) for part in (*wing, tail)] + [_slab(fin, 1, 0.04)]
-    return np.array(body + [triangle for slab in slabs for triangle in slab]) + (0.0, 0.0, 0.14)
+    triangles = np.array(body + [triangle for slab in slabs for triangle in slab])
+    return triangles + np.array([0.0, 0.0, 0.14])
 
 
 MESH = _mesh()
@@ -139,10 +141,10 @@ def fill_triangles(grid, shine, nearest, shades, cover):
         if area == 0.0:
             continue
         i0, i1, i2 = 1.0 / grid[n, 0, 2], 1.0 / grid[n, 1, 2], 1.0 / grid[n, 2, 2]
-        first = max(int(math.ceil(u0 + min(0.0, au, bu))), 0)
-        last = min(int(math.floor(u0 + max(0.0, au, bu))), columns - 1)
-        upper = max(int(math.ceil(v0 + min(0.0, av, bv))), 0)
-        lower = min(int(math.floor(v0 + max(0.0, av, bv))), rows - 1)
+        first = max(math.ceil(u0 + min(0.0, au, bu)), 0)
+        last = min(math.floor(u0 + max(0.0, au, bu)), columns - 1)
+        upper = max(math.ceil(v0 + min(0.0, av, bv)), 0)
+        lower = min(math.floor(v0 + max(0.0, av, bv)), rows - 1)
         for v in range(upper, lower + 1):
             for u in range(first, last + 1):
                 s = ((u - u0) * bv - (v - v0) * bu) / area

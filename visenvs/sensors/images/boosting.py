@@ -22,6 +22,7 @@ from visenvs.sensors.images.optics import Image
 
 STRIDE = 2  # between places and sizes of features, pixels
 Patches = NDArray[np.uint8]  # (n, SIDE, SIDE)
+Stump = tuple[float, float, float]  # threshold, left, right
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class Stumps:
     """What has been trained so far, in lists."""
 
     features: list[int] = field(default_factory=list[int])
-    values: list[tuple[float, float, float]] = field(default_factory=list[tuple[float, float, float]])
+    values: list[Stump] = field(default_factory=list[Stump])
     ends: list[int] = field(default_factory=list[int])
     limits: list[float] = field(default_factory=list[float])
 
@@ -54,11 +55,9 @@ class Stumps:
         """The finished stages as a cascade."""
         numbers = np.array(self.values, np.float32).reshape(-1, 3)
         limits = np.array(self.limits, np.float32)
-        columns = (np.ascontiguousarray(numbers[:, k]) for k in range(3))
-        chosen = np.array(self.features, np.int64)
-        return Cascade(
-            rects[chosen], weights[chosen], *columns, np.array(self.ends, np.int64), limits
-        )
+        threshold, left, right = (np.ascontiguousarray(numbers[:, k]) for k in range(3))
+        chosen, ends = np.array(self.features, np.int64), np.array(self.ends, np.int64)
+        return Cascade(rects[chosen], weights[chosen], threshold, left, right, ends, limits)
 
 
 def train(

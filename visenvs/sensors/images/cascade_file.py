@@ -80,7 +80,10 @@ def from_xml(text: str) -> Cascade:
     limits: list[float] = []
     for stage in top.findall("stages/_"):
         for stump in stage.findall("weakClassifiers/_"):
-            nodes, leaves = _text(stump, "internalNodes").split(), _text(stump, "leafValues").split()
+            nodes, leaves = (
+                _text(stump, "internalNodes").split(),
+                _text(stump, "leafValues").split(),
+            )
             if len(nodes) != 4 or len(leaves) != 2:
                 raise ValueError("a weak classifier with more than one node; expected stumps")
             chosen.append(int(nodes[2]))
@@ -88,10 +91,13 @@ def from_xml(text: str) -> Cascade:
         ends.append(len(chosen))
         limits.append(float(_text(stage, "stageThreshold")))
     numbers = np.array(values, np.float32).reshape(-1, 3)
+    threshold, left, right = (np.ascontiguousarray(numbers[:, k]) for k in range(3))
     return Cascade(
         np.array([pool[n][0] for n in chosen], np.int32),
         np.array([pool[n][1] for n in chosen], np.float32),
-        *(np.ascontiguousarray(numbers[:, k]) for k in range(3)),
+        threshold,
+        left,
+        right,
         np.array(ends, np.int64),
         np.array(limits, np.float32),
     )

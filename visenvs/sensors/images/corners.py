@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +23,7 @@ def detect(image: Image, mask: Image | None = None) -> tuple[Values, Patches]:
         image: grey, (height, width).
         mask: 0 where no corner is wanted; None for anywhere.
     """
-    found = cv2.goodFeaturesToTrack(
+    found: Any = cv2.goodFeaturesToTrack(
         image, MOST, QUALITY, APART, mask=mask, useHarrisDetector=True, k=SENSITIVITY
     )
     if found is None:

@@ -1,13 +1,14 @@
 """What lens and sensor do to a picture: blur, exposure, saturation, and noise.
 
 Noise comes from a bank that is made once; where a picture's part of it begins is drawn from the
-lane's own counter-based stream, so that a picture depends on nothing but its lane, episode and step.
+lane's own counter-based stream, so that a picture depends on its lane, episode and step alone.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import cv2
 import numpy as np
@@ -53,20 +54,21 @@ def expose(
         exposure: how it comes out.
         seed, episode, stream, step: name the draws (`core.noise`).
     """
+    out: Any = frame
     if exposure.blur > 0.0:
-        frame = cv2.GaussianBlur(frame, (3, 3), exposure.blur)
+        out = cv2.GaussianBlur(out, (3, 3), exposure.blur)
     if exposure.gain_error > 0.0:
         u, _ = uniform_pair(seed, episode, stream, 0, EXPOSURE)
         gain = 1.0 + exposure.gain_error * (2.0 * u - 1.0)
-        frame = cv2.LUT(frame, np.clip(gain * np.arange(256.0), 0.0, 255.0).astype(np.uint8))
+        out = cv2.LUT(out, np.clip(gain * np.arange(256.0), 0.0, 255.0).astype(np.uint8))
     if exposure.noise > 0.0:
         bank = noise_bank(frame.shape, exposure.noise)
         u, w = uniform_pair(seed, episode, stream, step, OFFSET)
         height, width = frame.shape[:2]
         top, left = int(u * height), int(w * width)
         part = bank[top : top + height, left : left + width]
-        frame = cv2.add(frame, part, dtype=cv2.CV_8U)
-    return frame.astype(np.uint8, copy=False)
+        out = cv2.add(out, part, dtype=cv2.CV_8U)
+    return out
 
 
 @cache

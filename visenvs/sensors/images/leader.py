@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import cv2
 import numpy as np
@@ -65,6 +65,20 @@ def detect(
     """
     if segmenter not in ("threshold", "chan_vese"):
         raise ValueError(f'unknown segmenter {segmenter!r}; write "threshold" or "chan_vese"')
+    if prior is None:
+        rough = _detect(image, optics, None, "threshold")
+        if rough is None:
+            return None
+        half = 0.5 * math.hypot(*np.subtract(rough.right, rough.left))
+        off = MARGIN / 3.0 / optics.focal
+        prior = Prior(rough.centre, (off, off), half)
+    return _detect(image, optics, prior, segmenter)
+
+
+def _detect(
+    image: Image, optics: Optics, prior: Prior | None, segmenter: Segmenter
+) -> LeaderView | None:
+    """The aircraft near a prediction, or what stands out most of the whole picture."""
     region = search_region(optics, prior, MARGIN)
     if region is None or min(region.width, region.height) < 4 * BORDER:
         return None
@@ -118,9 +132,9 @@ def _segment(distance: NDArray[np.float32], peak: float, segmenter: Segmenter) -
         raise ImportError(
             "the segmenter 'chan_vese' needs scikit-image: write `pip install 'visenvs[vision]'`"
         ) from None
-    level = np.minimum(distance / peak, 1.0)
+    level, first = np.minimum(distance / peak, 1.0), cast("Any", mask)
     found: Any = morphological_chan_vese(
-        level, ITERATIONS, init_level_set=mask, smoothing=0, lambda1=1, lambda2=1
+        level, ITERATIONS, init_level_set=first, smoothing=0, lambda1=1, lambda2=1
     )
     return np.asarray(found, np.uint8)
 

@@ -10,10 +10,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from visenvs.core.compile import kernel
 from visenvs.core.frames import rotate
@@ -109,9 +107,7 @@ class Outdoor:
         lens, sun = (optics.focal, optics.cx, optics.cy), np.array(self.sky.sun)
         paint, haze = np.array(colour), self._colours[0]["haze"]
         for i in np.argsort(-np.linalg.norm(r, axis=1)):
-            paint_ball(
-                frame, C, r[i], float(radii[i]), paint, sun, haze, self.sky.visibility, lens
-            )
+            paint_ball(frame, C, r[i], float(radii[i]), paint, sun, haze, self.sky.visibility, lens)
 
 
 @cache
@@ -132,8 +128,8 @@ def texel(texture, north, east, footprint):
         footprint *= 0.5
         north *= 0.5
         east *= 0.5
-    row = int(math.floor(north)) & (side - 1)
-    column = int(math.floor(east)) & (side - 1)
+    row = math.floor(north) & (side - 1)
+    column = math.floor(east) & (side - 1)
     return texture[start + row * side + column] / 255.0
 
 

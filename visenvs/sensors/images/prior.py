@@ -1,4 +1,4 @@
-"""What is known before a picture is looked at, and the part of the picture that it leaves to search."""
+"""What is known before a picture is looked at, and the part of it that is left to search."""
 
 from __future__ import annotations
 

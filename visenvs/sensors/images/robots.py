@@ -1,7 +1,7 @@
 """Ground robots of the arena as polygons: a dark disc with a bumper in front and a coloured plate.
 
-An obstacle robot carries a pole. Everything is given in the robot's own frame, forward, right, down,
-and projected at once.
+An obstacle robot carries a pole. Everything is given in the robot's own frame (forward, right,
+down) and projected at once.
 """
 
 from __future__ import annotations
@@ -51,13 +51,15 @@ def _template() -> tuple[Values, dict[str, slice]]:
     top = -HEIGHT
     outer = _ring(RADIUS, top, -1.25, 1.25)
     inner = _ring(0.72 * RADIUS, top, -1.25, 1.25)
-    plate = np.array([[0.05, -0.07, top], [0.05, 0.07, top], [-0.11, 0.07, top], [-0.11, -0.07, top]])
+    plate = np.array(
+        [[0.05, -0.07, top], [0.05, 0.07, top], [-0.11, 0.07, top], [-0.11, -0.07, top]]
+    )
     parts = {
         "bottom": _ring(RADIUS, 0.0),
         "top": _ring(RADIUS, top),
         "bumper": np.concatenate([outer, inner[::-1]]),
-        "plate": plate,
-        "button": _ring(0.022, top) + (0.075, 0.0, 0.0),
+        "plate": np.concatenate([plate, np.full((4, 1), top)], axis=1),
+        "button": _ring(0.022, top) + np.array([0.075, 0.0, 0.0]),
         "pole_bottom": _ring(POLE_RADIUS, top),
         "pole_top": _ring(POLE_RADIUS, 0.0),
     }
@@ -96,7 +98,8 @@ def draw_robots(
     grid = np.rint(np.clip(pixels, -2e4, 2e4) * 16.0).astype(np.int32)
     for i in np.argsort(-depth[:, 0]):
         if seen[i]:
-            _draw_one(frame, grid[i], robots["plate"][i], robots["pole"][i] > 0.0, colour)
+            plate, pole = int(robots["plate"][i]), float(robots["pole"][i]) > 0.0
+            _draw_one(frame, grid[i], plate, pole, colour)
 
 
 def corners(robots: NDArray[Any], r_V_N: Values) -> Values:

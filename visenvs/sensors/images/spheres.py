@@ -1,10 +1,11 @@
 """Finds red balls in a picture: image points of their centres, and the angles of their radii.
 
 The image processor of the thesis's simulation (3.5.2). Red areas are connected; one that is small,
-whole and round gives its moments, corrected for what a ball off the axis looks like; one that is large, that
-the border cuts, or that several balls make together, gives its outline, which is a circle of directions:
-d' c = cos alpha for the unit vectors d to the outline, c to the centre, alpha the radius's angle.
-That is linear in c / cos alpha, and the circle that most of the outline lies on is taken first.
+whole and round gives its moments, corrected for what a ball off the axis looks like; one that is
+large, that the border cuts, or that several balls make together, gives its outline, which is a
+circle of directions: d' c = cos alpha for the unit vectors d to the outline, c to the centre, and
+alpha the radius's angle. That is linear in c / cos alpha, and the circle that most of the outline
+lies on is taken first.
 """
 
 from __future__ import annotations
@@ -105,7 +106,7 @@ def _balls(
     outlines, _ = cv2.findContours(
         inside.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE
     )
-    outline = max(outlines, key=len).reshape(-1, 2) + (box.left, box.top)
+    outline = max(outlines, key=len).reshape(-1, 2) + np.array([box.left, box.top])
     edge = np.array([shape[1] - 1, shape[0] - 1])
     free = outline[((outline > 0) & (outline < edge)).all(axis=1)] + (region.left, region.top)
     return _from_outline(optics.points(free), optics)

@@ -11,6 +11,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import cv2
 import numpy as np
@@ -49,7 +50,7 @@ def view_from_above(plate: int) -> Image:
     down = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
     frame = np.full((SIDE, SIDE), FLOOR, np.uint8)
     draw_robots(frame, lens.matrix @ down, np.array([0.0, 0.0, -high]), robot, False)
-    return cv2.GaussianBlur(frame, (3, 3), 0.6)
+    return np.asarray(cv2.GaussianBlur(frame, (3, 3), 0.6), np.uint8)
 
 
 def detect(
@@ -117,7 +118,7 @@ def _homography(
     return optics.matrix @ C @ plane
 
 
-def _peak(scores: Values) -> tuple[float, float, float]:
+def _peak(scores: Any) -> tuple[float, float, float]:
     """The highest correlation and where it is, (x, y), by a parabola through its neighbours."""
     _, score, _, (x, y) = cv2.minMaxLoc(scores)
     out = [float(x), float(y)]
