@@ -58,6 +58,8 @@ class Options:
     """preset of the environment; its default if left out"""
     estimator: str | None = None
     """the filter in the loop; the scenario's if left out"""
+    observation: str | None = None
+    """what the policy sees, such as "pixels"; the scenario's if not given"""
     steps: int = 3_000_000
     """environment steps in total"""
     seed: int = 0
@@ -81,6 +83,8 @@ def train(options: Options, preset: Preset | None = None) -> None:
     config = pick("scenario", scenario, task.scenarios)
     if options.estimator is not None:
         config = override(config, {"estimator": options.estimator})
+    if options.observation is not None:
+        config = override(config, {"observation": options.observation})
     check_action(options, task.under(config))
     run = open_run(options, task, scenario, config)
     preset = preset or preset_for(options.env, options.algo)

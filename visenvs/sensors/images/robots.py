@@ -58,7 +58,7 @@ def _template() -> tuple[Values, dict[str, slice]]:
         "bottom": _ring(RADIUS, 0.0),
         "top": _ring(RADIUS, top),
         "bumper": np.concatenate([outer, inner[::-1]]),
-        "plate": np.concatenate([plate, np.full((4, 1), top)], axis=1),
+        "plate": plate,
         "button": _ring(0.022, top) + np.array([0.075, 0.0, 0.0]),
         "pole_bottom": _ring(POLE_RADIUS, top),
         "pole_top": _ring(POLE_RADIUS, 0.0),
