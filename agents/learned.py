@@ -59,6 +59,7 @@ class LearnedPolicy:
         self._network = network
         self._task = task
         self._residual = residual
+        self._plain = _is_plain(network)
 
     def predict(
         self,
@@ -72,10 +73,30 @@ class LearnedPolicy:
         if isinstance(choices, Choices):
             allowed = choices.allowed(observation, self._task.observation)
             return self._network.predict(*told, action_masks=allowed)
-        action, state = self._network.predict(*told)
+        if self._plain and deterministic:
+            action = _mean(self._network, observation)
+        else:
+            action, state = self._network.predict(*told)
         if self._residual is not None:
             action = self._residual.combine(observation, action)
         return np.clip(action, -1.0, 1.0), state
+
+
+def _is_plain(network: Any) -> bool:
+    """Whether a network is PPO's actor without memory, whose mean action is one forward pass."""
+    from stable_baselines3.common.policies import ActorCriticPolicy
+
+    return isinstance(network, ActorCriticPolicy) and not hasattr(network, "lstm_actor")
+
+
+def _mean(network: Any, observation: NDArray[Any]) -> Rows:
+    """The mean action, as SB3's `predict` gives it, without its overhead for small networks."""
+    import torch
+
+    with torch.inference_mode():
+        rows = torch.from_numpy(np.ascontiguousarray(observation))
+        features = network.extract_features(rows, network.pi_features_extractor)
+        return network.action_net(network.mlp_extractor.forward_actor(features)).numpy()
 
 
 @dataclass(frozen=True)
