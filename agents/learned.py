@@ -166,8 +166,11 @@ def load_network(path: Path, task: Task, trust: bool = False) -> Any:
         network = _unpickled(path, algo)
     else:
         network = _rebuild(_architecture(path, algo, weights, data), weights, task, path)
-    if network.observation_space.shape != task.observation.space.shape:
-        raise _wrong_space(path, task, network.observation_space.shape[0])
+    seen = network.observation_space.shape
+    if task.frames is not None and len(seen) == 3:
+        seen = (*seen[1:], seen[0])  # SB3 puts the channels of pictures first
+    if seen != task.space.shape:
+        raise _wrong_space(path, task, seen[0])
     network.set_training_mode(False)
     return network
 

@@ -60,7 +60,7 @@ class Options:
     estimator: str | None = None
     """the filter in the loop; the scenario's if left out"""
     observation: str | None = None
-    """what a row tells, where the environment offers a choice; the scenario's if left out"""
+    """what the policy sees where there is a choice, such as "pixels"; the scenario's if left out"""
     steps: int = 3_000_000
     """environment steps in total"""
     seed: int = 0
@@ -252,7 +252,9 @@ def build_model(options: Options, preset: Preset, lanes: LaneVecEnv) -> BaseAlgo
     settings: dict[str, Any] = preset.model | {"learning_rate": schedule}
     task, policy = lanes.lanes.task, POLICIES.get(options.algo, "MlpPolicy")
     sets: dict[str, Any] = {}
-    if preset.sets and isinstance(task.action, Choices):
+    if task.frames is not None:
+        policy = policy.replace("Mlp", "Cnn")
+    elif preset.sets and isinstance(task.action, Choices):
         policy, sets = choice_network(task, preset.sets)
     elif preset.sets:
         sets = set_network(task.observation, preset.sets)
