@@ -35,7 +35,7 @@ class LawPolicy:
         self.law = law
         self._task = task
         self._settings = to_record(config)
-        self._limit = float(self._settings[law.limit][0])
+        self._parts = parts(task, config)
         self._memory = law.memory(self._settings[0], task.action.size) if law.memory else 0
 
     def predict(
@@ -45,7 +45,7 @@ class LawPolicy:
         episode_start: NDArray[np.bool_] | None = None,
         deterministic: bool = True,
     ) -> tuple[Rows, State | None]:
-        """Commands of the law over the largest one; longer ones keep their direction."""
+        """Commands of the law over the largest ones; longer ones keep their direction."""
         beliefs = self._task.observation.records(observation)
         commands = np.zeros((len(beliefs), self._task.action.size))
         if self._memory:
@@ -56,9 +56,20 @@ class LawPolicy:
             self.law.decide(beliefs, self._settings, state, commands)
         else:
             self.law.decide(beliefs, self._settings, commands)
-        commands /= self._limit
-        length = np.linalg.norm(commands, axis=1, keepdims=True)
-        return (commands / np.maximum(length, 1.0)).astype(np.float32), state
+        for columns, limit in self._parts:
+            length = np.linalg.norm(commands[:, columns], axis=1, keepdims=True)
+            commands[:, columns] /= np.maximum(length, limit)
+        return commands.astype(np.float32), state
+
+
+def parts(task: Task, config: Config) -> list[tuple[slice, float]]:
+    """Columns of every field of the action, and its largest command: the setting of its unit."""
+    settings, out, start = to_record(config), [], 0
+    for field in task.action.fields:
+        limit = float(settings[field.unit][0])
+        out.append((slice(start, start + field.size), limit))
+        start += field.size
+    return out
 
 
 class ZeroPolicy:

@@ -85,6 +85,14 @@ PRESETS: dict[tuple[str, Algo], Preset] = {
         ON_POLICY | {"n_steps": 150, "gamma": 0.99},
         SMALL | {"log_std_init": -0.5},
     ),
+    ("visenvs/Mapping-v0", "ppo"): Preset(
+        128,
+        ON_POLICY | {"n_steps": 60, "n_epochs": 5, "batch_size": 1920, "gamma": 0.99}
+        | {"learning_rate": 5e-4},
+        {"net_arch": [128, 128], "log_std_init": -1.0},
+        residual_scale=0.5,
+        unit=0.02,
+    ),
     ("visenvs/Avoidance-v0", "ppo"): Preset(
         256,
         ON_POLICY | {"n_steps": 400, "gae_lambda": 0.97, "batch_size": 6400},
