@@ -87,9 +87,8 @@ PRESETS: dict[tuple[str, Algo], Preset] = {
     ),
     ("visenvs/Mapping-v0", "ppo"): Preset(
         128,
-        ON_POLICY | {"n_steps": 60, "n_epochs": 5, "batch_size": 1920, "gamma": 0.99}
-        | {"learning_rate": 5e-4},
-        {"net_arch": [128, 128], "log_std_init": -1.0},
+        ON_POLICY | {"n_steps": 60, "n_epochs": 4, "batch_size": 1920, "gamma": 0.99},
+        SMALL | {"log_std_init": -0.7},
         residual_scale=0.5,
         unit=0.02,
     ),

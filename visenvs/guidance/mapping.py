@@ -4,9 +4,9 @@ The patterns do not look at the map. They follow a path over the square area by 
 ahead of the aircraft: `circle` about the middle with the camera towards it, and, with the camera
 straight down, `zigzag` and `boustrophedon` (there and back in parallel lanes that leave no gap).
 
-`information-gain` compares accelerations and directions of the camera by what the pictures after
-one manoeuvre would tell, in nats: 1/2 log(1 + h' P h / sigma^2) for each line in view, seen across
-its largest deviation, and a constant for each cell of the area that is shown for the first time.
+`information-gain` compares accelerations and directions of the camera by what one picture after a
+manoeuvre would tell, in nats: 1/2 log(1 + h' P h / sigma^2) for each line in view, seen across its
+largest deviation, and a constant for each cell of the area that is shown for the first time.
 """
 
 from __future__ import annotations
@@ -32,8 +32,6 @@ STIFFNESS = 1.0  # of the speed's error, 1/s
 DIRECTIONS = 8  # that are compared, beside none, for the acceleration and for the camera
 MANOEUVRE = 3.0  # s
 CELL = 3.0  # nats of a new cell
-FAR = 1.0  # nats of a cell that is not shown yet, were it at the aircraft
-REACH = 30.0  # m, over which that decays
 
 
 @kernel
@@ -184,21 +182,6 @@ def picture_gain(belief, offset, C, settings, r, J):
 
 
 @kernel
-def pull(belief, offset, settings):
-    """Nats that cells not shown yet promise from afar, decaying with their distance."""
-    covered, place = belief["covered"], belief["r_V_N"]
-    total, n = 0.0, covered.shape[0]
-    side = int(math.sqrt(n) + 0.5)
-    width = 2.0 * settings["area"] / side
-    north, east = settings["area"] + place[0] + offset[0], settings["area"] + place[1] + offset[1]
-    for c in range(n):
-        if covered[c] == 0.0:
-            x, y = (c // side + 0.5) * width - north, (c % side + 0.5) * width - east
-            total += FAR * math.exp(-math.sqrt(x * x + y * y) / REACH)
-    return total
-
-
-@kernel
 def choice(k, longest):
     """Number k of no vector and DIRECTIONS vectors of a length, evenly spaced."""
     if k == 0:
@@ -223,7 +206,7 @@ def best_gaze(belief, offset, settings, C, r, J):
 
 @kernel
 def fly_information_gain(beliefs, settings, commands):
-    """Accelerate towards the pictures that tell most, and look where the next one does."""
+    """Accelerate towards the picture that tells most, and look where the next one does."""
     s, offset, r = settings[0], np.zeros(3), np.zeros(3)
     C, J = np.zeros((3, 3)), np.zeros((2, 3))
     for i in range(beliefs.shape[0]):
@@ -234,7 +217,7 @@ def fly_information_gain(beliefs, settings, commands):
             shrink = min(1.0, s["v_max"] / max(math.sqrt(x * x + y * y), 1e-9))
             offset[0] = 0.5 * MANOEUVRE * (v[0] + shrink * x)
             offset[1] = 0.5 * MANOEUVRE * (v[1] + shrink * y)
-            gain = best_gaze(beliefs[i], offset, s, C, r, J)[1] + pull(beliefs[i], offset, s)
+            gain = best_gaze(beliefs[i], offset, s, C, r, J)[1]
             if gain > most:
                 most, commands[i, 0], commands[i, 1] = gain, north, east
         for j in range(2):
@@ -277,7 +260,7 @@ LAWS = (
     pattern("boustrophedon", "flies parallel lanes, looking down", BOUSTROPHEDON),
     Law(
         name="information-gain",
-        summary="flies and looks where the next pictures tell most",
+        summary="flies and looks where the picture after one manoeuvre tells most",
         source="one-step greedy gain of information",
         needs=(*OWN, "covered", "rhat_1_N", "rhat_2_N", "worst_N", "valid"),
         settings=(*LIMITS, "near", "sigma_image", "p_detect"),
