@@ -8,7 +8,7 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help install leaderboard test check format coverage clean
+.PHONY: help install leaderboard test check format coverage docs clean
 
 help: ## show this list
 	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 14
@@ -39,6 +39,11 @@ coverage: $(INSTALLED) ## which lines the tests reach, kernels included
 	$(BIN)/coverage run -m pytest
 	NUMBA_DISABLE_JIT=1 $(BIN)/coverage run --append -m pytest -m kernel
 	$(BIN)/coverage report
+
+docs: $(INSTALLED) ## build the documents into build/docs, tutorials executed, warnings as errors
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
+	PYTHONPATH=$(CURDIR) $(BIN)/python -m sphinx -W --keep-going -q docs build/docs
+	@echo "The documents are $(abspath build/docs/index.html)"
 
 clean: ## remove .venv and everything else that the targets made
 	rm -rf $(VENV) build dist .coverage .hypothesis .import_linter_cache .pytest_cache .ruff_cache

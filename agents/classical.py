@@ -7,17 +7,20 @@ from numpy.typing import NDArray
 
 from visenvs.core.config import Config, field_types, to_record
 from visenvs.core.lanes import Task
+from visenvs.core.layout import Choices
 from visenvs.core.registry import Law
 
-from .policy import NotApplicable, Rows, State
+from .policy import Actions, NotApplicable, Rows, State
 
 
 def lacking(law: Law, task: Task, config: Config) -> list[str]:
     """What a law needs and the environment does not give; empty where it can fly."""
     absent = [name for name in law.needs if name not in task.observation.names]
     absent += [name for name in law.settings if name not in field_types(type(config))]
-    if law.limit not in {field.unit for field in task.action.fields}:
-        absent.append(f"actions in units of {law.limit}")
+    if isinstance(task.action, Choices):
+        absent += ["continuous actions"] if law.limit else []
+    elif law.limit not in {field.unit for field in task.action.fields}:
+        absent.append(f"actions in units of {law.limit}" if law.limit else "choices to make")
     return absent
 
 
@@ -35,7 +38,7 @@ class LawPolicy:
         self.law = law
         self._task = task
         self._settings = to_record(config)
-        self._parts = parts(task, config)
+        self._parts = parts(law, task, config) if law.limit else []
         self._memory = law.memory(self._settings[0], task.action.size) if law.memory else 0
 
     def predict(
@@ -44,8 +47,11 @@ class LawPolicy:
         state: State | None = None,
         episode_start: NDArray[np.bool_] | None = None,
         deterministic: bool = True,
-    ) -> tuple[Rows, State | None]:
-        """Commands of the law over the largest ones; longer ones keep their direction."""
+    ) -> tuple[Actions, State | None]:
+        """Commands of the law over the largest ones; longer ones keep their direction.
+
+        Of a law that chooses, the numbers of its choices, (n,).
+        """
         beliefs = self._task.observation.records(observation)
         commands = np.zeros((len(beliefs), self._task.action.size))
         if self._memory:
@@ -56,17 +62,24 @@ class LawPolicy:
             self.law.decide(beliefs, self._settings, state, commands)
         else:
             self.law.decide(beliefs, self._settings, commands)
+        if not self.law.limit:
+            return commands[:, 0].astype(np.int64), state
         for columns, limit in self._parts:
-            length = np.linalg.norm(commands[:, columns], axis=1, keepdims=True)
-            commands[:, columns] /= np.maximum(length, limit)
+            part = commands[:, columns] / limit
+            length = np.linalg.norm(part, axis=1, keepdims=True)
+            commands[:, columns] = part / np.maximum(length, 1.0)
         return commands.astype(np.float32), state
 
 
-def parts(task: Task, config: Config) -> list[tuple[slice, float]]:
-    """Columns of every field of the action, and its largest command: the setting of its unit."""
+def parts(law: Law, task: Task, config: Config) -> list[tuple[slice, float]]:
+    """Columns of every field of the action, and the setting that holds its largest command.
+
+    That is the setting which the field's unit names, or else the law's.
+    """
     settings, out, start = to_record(config), [], 0
     for field in task.action.fields:
-        limit = float(settings[field.unit][0])
+        names = settings.dtype.names or ()
+        limit = float(settings[field.unit if field.unit in names else law.limit][0])
         out.append((slice(start, start + field.size), limit))
         start += field.size
     return out
@@ -76,7 +89,7 @@ class ZeroPolicy:
     """No action at all."""
 
     def __init__(self, task: Task) -> None:
-        self._size = task.action.size
+        self._shape: tuple[int, ...] = task.action.space.shape or ()
 
     def predict(
         self,
@@ -84,17 +97,17 @@ class ZeroPolicy:
         state: State | None = None,
         episode_start: NDArray[np.bool_] | None = None,
         deterministic: bool = True,
-    ) -> tuple[Rows, State | None]:
-        """Zeros."""
-        return np.zeros((len(observation), self._size), np.float32), state
+    ) -> tuple[Actions, State | None]:
+        """Zeros; among choices, the first."""
+        return np.zeros((len(observation), *self._shape), np.float32), state
 
 
 class RandomPolicy:
-    """Uniform actions from a generator of its own, seeded at construction."""
+    """Uniform actions: draws of a generator for each call, whose number is the memory."""
 
     def __init__(self, task: Task, seed: int = 0) -> None:
-        self._size = task.action.size
-        self._rng = np.random.default_rng(seed)
+        self._task = task
+        self._seed = seed
 
     def predict(
         self,
@@ -102,8 +115,12 @@ class RandomPolicy:
         state: State | None = None,
         episode_start: NDArray[np.bool_] | None = None,
         deterministic: bool = True,
-    ) -> tuple[Rows, State | None]:
-        """Independent draws in [-1, 1]; `deterministic` makes no difference."""
-        return self._rng.uniform(-1.0, 1.0, (len(observation), self._size)).astype(
-            np.float32
-        ), state
+    ) -> tuple[Actions, State | None]:
+        """Independent draws in [-1, 1] or of what may be chosen, `deterministic` or not."""
+        action, calls = self._task.action, 0 if state is None else state
+        rng = np.random.default_rng([self._seed, calls])
+        if isinstance(action, Choices):
+            allowed = action.allowed(observation, self._task.observation)
+            return (rng.random(allowed.shape) * allowed).argmax(axis=1), calls + 1
+        shape = (len(observation), action.size)
+        return rng.uniform(-1.0, 1.0, shape).astype(np.float32), calls + 1

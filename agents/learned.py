@@ -19,11 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visenvs.core.lanes import Task
-from visenvs.core.layout import Layout
+from visenvs.core.layout import Choices, Layout
 
-from .policy import Policy, Rows, State
+from .policy import Actions, Policy, Rows, State
 
-# the layer that reads the observation tells the algorithm; recurrent PPO also has plain PPO's
+# The layer that reads the observation tells the algorithm; recurrent PPO also has plain PPO's.
+# Maskable PPO's network is plain PPO's: that actions are choices tells.
 FIRST_LAYER = {
     "sac": "actor.latent_pi.0.weight",
     "td3": "actor.mu.0.weight",
@@ -51,10 +52,11 @@ class Residual:
 
 
 class LearnedPolicy:
-    """A network, alone or as a residual on a law."""
+    """A network, alone or as a residual on a law; among choices, it is told which may be taken."""
 
-    def __init__(self, network: Any, residual: Residual | None = None) -> None:
+    def __init__(self, network: Any, task: Task, residual: Residual | None = None) -> None:
         self._network = network
+        self._task = task
         self._residual = residual
 
     def predict(
@@ -63,9 +65,13 @@ class LearnedPolicy:
         state: State | None = None,
         episode_start: NDArray[np.bool_] | None = None,
         deterministic: bool = True,
-    ) -> tuple[Rows, State | None]:
+    ) -> tuple[Actions, State | None]:
         """Actions of the network, plus the law's where it is a residual."""
-        action, state = self._network.predict(observation, state, episode_start, deterministic)
+        choices, told = self._task.action, (observation, state, episode_start, deterministic)
+        if isinstance(choices, Choices):
+            allowed = choices.allowed(observation, self._task.observation)
+            return self._network.predict(*told, action_masks=allowed)
+        action, state = self._network.predict(*told)
         if self._residual is not None:
             action = self._residual.combine(observation, action)
         return np.clip(action, -1.0, 1.0), state
@@ -127,6 +133,8 @@ def load_network(path: Path, task: Task, trust: bool = False) -> Any:
     weights, data = _read_zip(path)
     algo = _algorithm(path, weights)
     if trust:
+        masked = algo == "ppo" and isinstance(task.action, Choices)
+        algo = "maskable_ppo" if masked else algo
         network = _algorithm_class(algo).load(path, device="cpu").policy
     else:
         network = _rebuild(_architecture(path, algo, weights, data), weights, task, path)
@@ -218,7 +226,8 @@ def _rebuild(arch: Architecture, weights: dict[str, Any], task: Task, path: Path
             "lstm_hidden_size": arch.lstm,
             "enable_critic_lstm": "lstm_critic.weight_ih_l0" in weights,
         }
-    policy_class = _algorithm_class(arch.algo).policy_aliases[
+    algo = "maskable_ppo" if isinstance(task.action, Choices) else arch.algo
+    policy_class = _algorithm_class(algo).policy_aliases[
         "MlpLstmPolicy" if arch.lstm else "MlpPolicy"
     ]
     spaces = task.observation.space, task.action.space
@@ -255,9 +264,10 @@ def _no_training(_left: float) -> float:
 
 def _algorithm_class(algo: str) -> Any:
     import stable_baselines3
-    from sb3_contrib import RecurrentPPO
+    from sb3_contrib import MaskablePPO, RecurrentPPO
 
     classes = {
+        "maskable_ppo": MaskablePPO,
         "ppo": stable_baselines3.PPO,
         "sac": stable_baselines3.SAC,
         "td3": stable_baselines3.TD3,

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Rows = NDArray[np.float32]
+Actions = NDArray[Any]  # float32 rows (n, size), or the numbers of choices as integers (n,)
 State = Any
 
 
@@ -16,7 +17,7 @@ class NotApplicable(ValueError):
 
 
 class Policy(Protocol):
-    """A batch of observation rows in, a batch of action rows out."""
+    """A batch of observation rows in, a batch of actions out."""
 
     def predict(
         self,
@@ -24,7 +25,7 @@ class Policy(Protocol):
         state: State | None = None,
         episode_start: NDArray[np.bool_] | None = None,
         deterministic: bool = True,
-    ) -> tuple[Rows, State | None]:
+    ) -> tuple[Actions, State | None]:
         """Actions for observation rows (n, size), and the memory to hand back with the next rows.
 
         Args:

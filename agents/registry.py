@@ -111,7 +111,7 @@ def _load_model(name: str, model: Path, task: Task, config: Config, trust: bool)
     if card.get("residual"):
         law = load_law(card["residual"]["law"], task, config)
         residual, kind = Residual(law, card["residual"]["scale"]), "residual"
-    policy = LearnedPolicy(network, residual)
+    policy = LearnedPolicy(network, task, residual)
     return Entry(name, policy, _information(config), kind, _summary(card), config)
 
 

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Generator, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -20,7 +18,7 @@ from agents import registry
 from agents.policy import Policy
 from visenvs.core.cli import launch
 from visenvs.core.config import Config, override, pick
-from visenvs.core.files import check_writable
+from visenvs.core.files import check_writable, replacing
 from visenvs.core.lanes import Lanes, Task
 from visenvs.core.registry import load_task
 
@@ -64,7 +62,7 @@ class Film:
     """The pictures of one episode, each drawn when it is asked for.
 
     Args:
-        records: lane records of the episode from its start to its end, shape (n,).
+        records: lane records of the episode from its start to its end, as of `fly`.
         task, config: what was flown.
         steps: which records are shown.
     """
@@ -111,16 +109,16 @@ def run(options: Options) -> None:
 
 
 def fly(policy: Policy, task: Task, config: Config, seed: int) -> NDArray[Any]:
-    """Lane records of one episode from its start to its end, shape (steps + 1,)."""
-    lanes = Lanes(task, config, 1)
+    """Lane records of one episode from start to end, (steps + 1,), or (steps + 1, n) of a team."""
+    lanes = Lanes(task, config, task.team(config))
     lanes.reset([seed])
-    records, state, start = [lanes.snapshot()], None, np.ones(1, bool)
-    while not lanes.done[0]:
+    records, state, start = [lanes.snapshot()], None, np.ones(lanes.count, bool)
+    while not lanes.over[0]:
         actions, state = decide(policy, lanes.rows, state, start)
         lanes.step(actions)
         records.append(lanes.snapshot())
-        start = np.zeros(1, bool)
-    return np.concatenate(records)
+        start = np.zeros(lanes.count, bool)
+    return np.concatenate(records) if lanes.team == 1 else np.stack(records)
 
 
 def write_gif(path: Path, film: Film, fps: float) -> None:
@@ -175,18 +173,6 @@ def write_png(path: Path, frame: Frame) -> None:
     from PIL import Image
 
     Image.fromarray(frame).save(path, format="PNG", optimize=True)
-
-
-@contextmanager
-def replacing(path: Path) -> Generator[Path]:
-    """A temporary file beside `path` with the same suffix; it takes its name if all goes well."""
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
-    try:
-        yield temporary
-        os.replace(temporary, path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
 
 
 def _check(options: Options) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,14 +11,18 @@ from agents import registry
 from agents.policy import NotApplicable
 from visenvs.core.config import Config, field_types, override, pick, to_json
 from visenvs.core.lanes import Task
+from visenvs.core.parallel import Workers, completed
 from visenvs.core.registry import laws, load_task
 
 from . import results
 from .board import TRUTH
 from .metrics import measure
-from .rollout import rollout
+from .rollout import Rollout, join, shards
+from .shards import Flight, Store, fly_shard
 
 FITS_ANYWHERE = ("law", "blind")
+LOCAL = Workers()
+UNFINISHED = ".unfinished"  # folder of finished shards of unfinished evaluations
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +52,16 @@ class Job:
     def perception(self) -> str:
         """How pictures become measurements; points unless the environment says otherwise."""
         return getattr(self.config, "perception", "points")
+
+    @property
+    def lasting(self) -> bool:
+        """Whether its shards may be kept: nobody knows when a user's own code changes."""
+        return self.entry is not None and self.entry.kind != "custom"
+
+    def flight(self, trust: bool) -> Flight:
+        """The same in words that another process understands."""
+        assert self.entry is not None
+        return Flight(self.task.id, self.entry.config, self.policy, trust)
 
     def __str__(self) -> str:
         return f"{self.policy} ({self.estimator})"
@@ -118,11 +131,16 @@ def fly(
     folder: Path,
     made: dict[str, Any],
     progress: Callable[[Job], None],
+    where: Workers = LOCAL,
+    trust: bool = False,
 ) -> dict[Job, Path]:
-    """Fly every job that can, and save each result as soon as it is there.
+    """Fly every job that can, shard by shard, and save each result as soon as it is there.
+
+    Shards that an earlier evaluation finished before it was broken off are not flown again.
 
     Args:
-        progress: called with each job before it starts.
+        progress: called with the job of each shard that is finished.
+        where: the backend; results do not depend on it.
 
     Returns:
         The file of each job that flew.
@@ -130,20 +148,79 @@ def fly(
     Raises:
         KeyboardInterrupt: with a message that says what is finished and what is missing.
     """
-    if torch := sys.modules.get("torch"):
-        torch.set_num_threads(1)  # threads that wait for so little work would count as its time
     able = [job for job in jobs if job.entry is not None]
-    files: dict[Job, Path] = {}
+    book, files = Book(able, seeds, folder / UNFINISHED, trust), dict[Job, Path]()
+
+    def finish(job: Job) -> None:
+        if (flown := book.whole(job)) is not None:
+            files[job] = results.save(_result(job, flown), folder, made)
+            book.close(job)
+
     try:
         for job in able:
+            finish(job)
+        for index, flown in completed(fly_shard, book.calls, where):
+            job = book.enter(index, flown)
             progress(job)
-            files[job] = results.save(_flown(job, seeds), folder, made)
+            finish(job)
     except KeyboardInterrupt:
         missing = ", ".join(str(job) for job in able if job not in files)
         raise KeyboardInterrupt(
             f"{len(files)} of {len(able)} finished, kept in {folder}; missing: {missing}"
         ) from None
     return files
+
+
+class Book:
+    """Which shards of which jobs are flown, and which are still to be.
+
+    Args:
+        jobs: those that can fly.
+        seeds: of every job.
+        folder: where finished shards of unfinished jobs are kept.
+        trust: whether code in model files may run.
+
+    Attributes:
+        calls: arguments of `fly_shard` for every shard that is not there yet.
+    """
+
+    def __init__(
+        self, jobs: Sequence[Job], seeds: Sequence[int], folder: Path, trust: bool
+    ) -> None:
+        self._store, portions = Store(folder), shards(seeds)
+        self._shards: dict[Job, list[Rollout | None]] = {}
+        self._paths: dict[Job, list[Path]] = {}
+        self._places: list[tuple[Job, int]] = []
+        self.calls: list[tuple[Flight, Sequence[int]]] = []
+        for job in jobs:
+            flight = job.flight(trust)
+            lasting = job.lasting and len(portions) > 1
+            paths = [self._store.path(flight, portion) for portion in portions] if lasting else []
+            found = [self._store.load(path) for path in paths] or [None] * len(portions)
+            self._paths[job], self._shards[job] = paths, found
+            for k, portion in enumerate(portions):
+                if found[k] is None:
+                    self._places.append((job, k))
+                    self.calls.append((flight, portion))
+
+    def enter(self, index: int, flown: Rollout) -> Job:
+        """Keep what a call came to; returns whose it is."""
+        job, k = self._places[index]
+        self._shards[job][k] = flown
+        if self._paths[job]:
+            self._store.save(self._paths[job][k], flown)
+        return job
+
+    def whole(self, job: Job) -> Rollout | None:
+        """All seeds of a job, once they are there."""
+        parts = [part for part in self._shards[job] if part is not None]
+        return join(parts) if len(parts) == len(self._shards[job]) else None
+
+    def close(self, job: Job) -> None:
+        """Forget the shards of a job whose result is saved."""
+        for path in self._paths[job]:
+            path.unlink(missing_ok=True)
+        self._shards[job].clear()
 
 
 def _job(
@@ -167,12 +244,8 @@ def _can_be_told_truth(config: Config) -> bool:
     return TRUTH in choices and getattr(config, "estimator", TRUTH) != TRUTH
 
 
-def _flown(job: Job, seeds: Sequence[int]) -> results.Result:
+def _result(job: Job, flown: Rollout) -> results.Result:
     assert job.entry is not None
-    try:
-        flown = rollout(job.entry.policy, job.task, job.entry.config, seeds)
-    except ValueError as error:
-        raise ValueError(f"policy {job.policy!r} on {job.task.id}: {error}") from error
     information = job.entry.information
     return results.Result(
         env=job.task.id,

@@ -15,19 +15,20 @@ from rich.progress import Progress, track
 
 from visenvs.core.cli import launch
 from visenvs.core.files import check_writable, write_json, write_text
+from visenvs.core.parallel import Workers, check
 from visenvs.core.registry import environment_files
 
 from . import page, results, tables
 from .board import Board, Row, make_board, missing_row, result_row
 from .jobs import Job, Scene, fly, plan_scene
-from .rollout import PUBLIC_SEEDS, public_seeds
+from .rollout import PUBLIC_SEEDS, public_seeds, shards
 
 PROGRAM = "eval.leaderboard"
 BLOCK = "leaderboard"  # the marker in Markdown files
 
 
 @dataclass(frozen=True)
-class Options:
+class Options(Workers):
     """What to fly, how often, and where to write it."""
 
     env: str | None = None
@@ -55,11 +56,12 @@ class Options:
 def run(options: Options) -> None:
     """Fly guidance laws and learned policies on the same public seeds, and compare them."""
     seeds = public_seeds(options.episodes)
+    check(options)
     names = None if options.policies is None else _split(options.policies)
     _check_outputs(options)
     scenes = _scenes(options, names)
     made = results.meta(PROGRAM, seeds)
-    boards = make_boards(scenes, seeds, made)
+    boards = make_boards(scenes, seeds, made, options)
     written = _write(options, boards, made)
     console = tables.screen()
     for board in boards:
@@ -93,17 +95,20 @@ def _scenes(options: Options, names: Sequence[str] | None) -> list[Scene]:
     return scenes
 
 
-def make_boards(scenes: Sequence[Scene], seeds: Sequence[int], made: dict[str, Any]) -> list[Board]:
+def make_boards(
+    scenes: Sequence[Scene], seeds: Sequence[int], made: dict[str, Any], options: Options
+) -> list[Board]:
     """Fly all scenes, keep one file for each policy, and build the boards from those files."""
     jobs = [job for scene in scenes for job in (*scene.jobs, *scene.asides.values())]
     screen = Console(stderr=True)
     with Progress(console=screen, transient=True, disable=not screen.is_terminal) as progress:
-        bar = progress.add_task("", total=sum(job.entry is not None for job in jobs))
+        total = sum(job.entry is not None for job in jobs) * len(shards(seeds))
+        bar = progress.add_task("flying", total=total)
 
-        def flying(job: Job) -> None:
+        def finished(job: Job) -> None:
             progress.update(bar, description=f"flying {job}", advance=1)
 
-        files = fly(jobs, seeds, results.RESULTS, made, flying)
+        files = fly(jobs, seeds, results.RESULTS, made, finished, options, options.trust)
         return [
             _board(scene, files)
             for scene in track(scenes, "statistics", console=screen, transient=True)

@@ -14,9 +14,10 @@ from agents.policy import Policy, State
 from visenvs.core.config import Config
 from visenvs.core.lanes import Lanes, Task
 from visenvs.core.layout import Row
+from visenvs.core.outcome import Outcome
 
 PUBLIC_SEEDS = range(100_000, 101_000)
-LANES = 1024  # at most so many at once
+SHARD = 250  # seeds that fly at once, on every backend
 
 
 @dataclass(frozen=True)
@@ -25,8 +26,10 @@ class Rollout:
 
     Attributes:
         seeds: shape (n,).
-        records: the final lane record of each seed, read by field name.
+        records: the final lane record of each seed, read by field name; where several fly together,
+            that of `together`.
         returns: undiscounted sum of rewards (minus the cost, SI), shape (n,).
+            Of a team, the mean over its agents.
         steps: episode lengths, shape (n,).
         decision_seconds: CPU time inside `predict`, summed; the first call of every batch is left
             out, since it may compile.
@@ -57,9 +60,18 @@ def rollout(
     """Each seed once: a lane for each seed, none begun twice, so short episodes win no seats."""
     if not len(seeds):
         raise ValueError("a rollout needs at least one seed")
-    parts = [_fly(policy, task, config, seeds[i : i + LANES]) for i in range(0, len(seeds), LANES)]
+    return join([_fly(policy, task, config, shard) for shard in shards(seeds)])
+
+
+def shards(seeds: Sequence[int]) -> list[Sequence[int]]:
+    """The seeds in the portions in which they fly."""
+    return [seeds[i : i + SHARD] for i in range(0, len(seeds), SHARD)]
+
+
+def join(parts: Sequence[Rollout]) -> Rollout:
+    """One rollout of all."""
     return Rollout(
-        seeds=np.asarray(seeds, np.int64),
+        seeds=np.concatenate([part.seeds for part in parts]),
         records=np.concatenate([part.records for part in parts]),
         returns=np.concatenate([part.returns for part in parts]),
         steps=np.concatenate([part.steps for part in parts]),
@@ -80,7 +92,7 @@ def decide(
 
 
 def _fly(policy: Policy, task: Task, config: Config, seeds: Sequence[int]) -> Rollout:
-    lanes = Lanes(task, config, len(seeds))
+    lanes = Lanes(task, config, len(seeds) * task.team(config))
     lanes.reset(list(seeds))
     returns = np.zeros(lanes.count)
     start = np.ones(lanes.count, bool)
@@ -94,7 +106,27 @@ def _fly(policy: Policy, task: Task, config: Config, seeds: Sequence[int]) -> Ro
         ended = lanes.step(actions)
         returns += lanes.rewards
         start = np.zeros(lanes.count, bool)
-    steps = lanes.records["step"].astype(np.int64)
-    return Rollout(
-        np.asarray(seeds, np.int64), lanes.records.copy(), returns, steps, seconds, decisions
-    )
+    records = together(lanes)
+    returns = returns.reshape(-1, lanes.team).mean(axis=1)
+    steps = records["step"].astype(np.int64)
+    return Rollout(np.asarray(seeds, np.int64), records, returns, steps, seconds, decisions)
+
+
+def together(lanes: Lanes) -> NDArray[Any]:
+    """One final record for each team: the mean of its agents' metrics, the longest episode.
+
+    The outcome is a success if all agents succeeded, else the first other one; a team with an agent
+    that diverged has diverged.
+    """
+    teams = lanes.records.reshape(-1, lanes.team)
+    records = teams[:, 0].copy()
+    if lanes.team == 1:
+        return records
+    for name in lanes.task.metrics:
+        records[name] = teams[name].mean(axis=1)
+    records["step"] = teams["step"].max(axis=1)
+    outcomes = teams["outcome"]
+    first = (outcomes != Outcome.SUCCESS).argmax(axis=1)
+    records["outcome"] = outcomes[np.arange(len(teams)), first]
+    records["outcome"][(outcomes == Outcome.DIVERGED).any(axis=1)] = Outcome.DIVERGED
+    return records

@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from sb3_contrib import MaskablePPO
+from sb3_contrib.common.maskable.evaluation import evaluate_policy as evaluate_masked
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.evaluation import evaluate_policy
@@ -82,7 +84,8 @@ def validate(model: BaseAlgorithm, lanes: LaneVecEnv) -> dict[str, float]:
         if local["done"]:
             won.append(local["info"]["is_success"])
 
-    returns, _ = evaluate_policy(
+    evaluate: Any = evaluate_masked if isinstance(model, MaskablePPO) else evaluate_policy
+    returns, _ = evaluate(
         model,
         lanes,
         n_eval_episodes=lanes.num_envs,

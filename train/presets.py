@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
-Algo = Literal["ppo", "sac", "td3", "recurrent_ppo"]
+Algo = Literal["ppo", "sac", "td3", "recurrent_ppo", "maskable_ppo"]
 
 
 @dataclass(frozen=True)
@@ -58,6 +58,7 @@ DEFAULTS: dict[Algo, Preset] = {
         ON_POLICY | {"n_steps": 100, "n_epochs": 4},
         SMALL | {"log_std_init": -1.5, "lstm_hidden_size": 64, "enable_critic_lstm": True},
     ),
+    "maskable_ppo": Preset(64, ON_POLICY | {"learning_rate": 3e-4, "ent_coef": 0.01}, SMALL),
     "sac": Preset(64, OFF_POLICY | {"ent_coef": "auto_0.01", "learning_starts": 20_000}, SMALL),
     "td3": Preset(64, OFF_POLICY | {"learning_starts": 20_000}, SMALL),
 }

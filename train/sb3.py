@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from sb3_contrib import RecurrentPPO
+from sb3_contrib import MaskablePPO, RecurrentPPO
 from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.utils import set_random_seed
@@ -23,6 +23,7 @@ from visenvs.core.cli import launch
 from visenvs.core.config import Config, override, pick, to_json
 from visenvs.core.files import read_json, write_json
 from visenvs.core.lanes import Task
+from visenvs.core.layout import Choices
 from visenvs.core.provenance import provenance
 from visenvs.core.registry import load_task
 
@@ -36,6 +37,7 @@ ALGORITHMS: dict[str, type[BaseAlgorithm]] = {
     "sac": SAC,
     "td3": TD3,
     "recurrent_ppo": RecurrentPPO,
+    "maskable_ppo": MaskablePPO,
 }
 POLICIES = {"recurrent_ppo": "MlpLstmPolicy"}
 TRAINING_SEEDS = 90_000
@@ -79,6 +81,7 @@ def train(options: Options) -> None:
     config = pick("scenario", scenario, task.scenarios)
     if options.estimator is not None:
         config = override(config, {"estimator": options.estimator})
+    check_action(options, task.under(config))
     run = open_run(options, task, scenario, config)
     preset = preset_for(options.env, options.algo)
     lanes, validation = build_lanes(options, preset, task, config, run["sessions"])
@@ -142,6 +145,20 @@ def check(options: Options) -> None:
         )
     if options.seed < 0:
         raise ValueError(f"the seed must not be negative, got {options.seed}")
+
+
+def check_action(options: Options, task: Task) -> None:
+    """Refuse an algorithm that cannot make this task's kind of decision."""
+    chooses = isinstance(task.action, Choices)
+    if chooses != (options.algo == "maskable_ppo"):
+        what = "choices, some of which may be forbidden" if chooses else "numbers in [-1, 1]"
+        able = "maskable_ppo" if chooses else "ppo"
+        raise ValueError(
+            f"the actions of {task.id} are {what}: {options.algo} cannot learn them; "
+            f"write --algo {able}"
+        )
+    if chooses and options.residual is not None:
+        raise ValueError(f"a choice cannot be corrected: {task.id} takes no --residual")
 
 
 def open_run(options: Options, task: Task, scenario: str, config: Config) -> dict[str, Any]:

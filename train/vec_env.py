@@ -14,17 +14,21 @@ from stable_baselines3.common.vec_env import VecEnv
 from agents.learned import Residual
 from visenvs.core.config import Config
 from visenvs.core.lanes import Lanes, Task
+from visenvs.core.layout import Choices
 from visenvs.core.outcome import SUCCESS
 
 from .shaping import Potential
+
+MASKS = "action_masks"  # as sb3-contrib asks for it
 
 
 class LaneVecEnv(VecEnv):
     """Lanes behind SB3's interface, with automatic reset in the same step.
 
     Args:
-        task, config: what to fly.
-        seeds: one for each lane.
+        task, config: what to fly. Where several lanes fly together, each agent is a row; the row of
+            one that has ended stays, without reward, until all of its team have.
+        seeds: one for each lane, or for each team.
         residual: adds a law's command to the learned one, or None.
         potential: shapes the reward as r + potential(after) - potential(before), with 0 at the end
             of an episode; the return changes only by the potential of the start. None for the cost
@@ -44,7 +48,7 @@ class LaneVecEnv(VecEnv):
         reward_floor: float = -np.inf,
         unit: float = 1.0,
     ) -> None:
-        count, task = len(seeds), task.under(config)
+        count, task = len(seeds) * task.team(config), task.under(config)
         self.render_mode = None
         super().__init__(count, deepcopy(task.observation.space), deepcopy(task.action.space))
         self.lanes = Lanes(task, config, count)
@@ -55,7 +59,7 @@ class LaneVecEnv(VecEnv):
         self._floor, self._unit = reward_floor, unit
         self._start = time.time()
         self._returns = np.zeros(count)
-        self._actions = np.zeros((count, task.action.size), np.float32)
+        self._actions: NDArray[Any] = np.zeros((count, task.action.size), np.float32)
 
     def reset(self) -> NDArray[np.float32]:
         """Start the first episode of every lane's seed."""
@@ -64,7 +68,7 @@ class LaneVecEnv(VecEnv):
         self._remember_potential()
         return self.lanes.rows.copy()
 
-    def step_async(self, actions: NDArray[np.float32]) -> None:
+    def step_async(self, actions: NDArray[Any]) -> None:
         """Keep the actions for `step_wait`."""
         self._actions = actions
 
@@ -75,14 +79,14 @@ class LaneVecEnv(VecEnv):
             actions = self._residual.combine(self.lanes.rows, actions)
         ended = self.lanes.step(actions)
         self._returns += self.lanes.rewards
-        done = self.lanes.done if ended else np.zeros(self.num_envs, bool)
+        done = self.lanes.over if ended else np.zeros(self.num_envs, bool)
         rewards = self.lanes.rewards.copy()
         if self._potential is not None:
             after = np.where(done, 0.0, self._potential(self.lanes.records))
             rewards += after - self._before
             self._before = after
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
-        if ended:
+        if done.any():
             self._finish(done, infos)
         return (
             self.lanes.rows.copy(),
@@ -111,9 +115,9 @@ class LaneVecEnv(VecEnv):
             self._before = self._potential(self.lanes.records)
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
-        """Give lane i the seed `seed + i` at the next reset."""
+        """Give lane (or team) i the seed `seed + i` at the next reset."""
         if seed is not None:
-            self._starts = [seed + i for i in range(self.num_envs)]
+            self._starts = [seed + i for i in range(len(self._starts))]
         return list(self._starts)
 
     def close(self) -> None:
@@ -132,8 +136,16 @@ class LaneVecEnv(VecEnv):
     def env_method(
         self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any
     ) -> list[Any]:
-        """Lanes have no methods of their own."""
-        raise AttributeError(f"lanes have no method {method_name!r}")
+        """Lanes have one method: `action_masks`, which tells the choices that each may take."""
+        if method_name != MASKS or not self.has_attr(MASKS):
+            raise AttributeError(f"lanes have no method {method_name!r}")
+        return list(self.lanes.allowed[list(self._get_indices(indices))])
+
+    def has_attr(self, attr_name: str) -> bool:
+        """Whether the adapter has an attribute; `action_masks` only where actions are choices."""
+        if attr_name == MASKS:
+            return isinstance(self.lanes.task.action, Choices)
+        return hasattr(self, attr_name)
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
         """No lane is wrapped."""

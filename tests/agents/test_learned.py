@@ -177,7 +177,7 @@ MODELS = {
 @pytest.mark.parametrize("kind", MODELS)
 def test_a_saved_model_predicts_what_sb3s_own_does(kind, tmp_path):
     model = MODELS[kind]()
-    policy = LearnedPolicy(load_network(saved(model, tmp_path), TASK))
+    policy = LearnedPolicy(load_network(saved(model, tmp_path), TASK), TASK)
     rows = some_rows()
     expected, _ = model.predict(rows, deterministic=True)
     found, _ = policy.predict(rows)
@@ -188,7 +188,7 @@ def test_a_saved_model_predicts_what_sb3s_own_does(kind, tmp_path):
 
 def test_memory_is_carried_on_and_cleared_as_in_sb3(tmp_path):
     model = recurrent(net_arch=[5], lstm_hidden_size=6)
-    policy = LearnedPolicy(load_network(saved(model, tmp_path), TASK))
+    policy = LearnedPolicy(load_network(saved(model, tmp_path), TASK), TASK)
     mine = theirs = None
     starts = np.array([[1, 1, 1], [0, 0, 0], [0, 1, 0], [0, 0, 1]], bool)
     for step, start in enumerate(starts):
@@ -203,7 +203,7 @@ def test_memory_is_carried_on_and_cleared_as_in_sb3(tmp_path):
 
 
 def test_a_sample_is_drawn_where_asked_for(file):
-    policy, rows = LearnedPolicy(load_network(file, TASK)), some_rows()
+    policy, rows = LearnedPolicy(load_network(file, TASK), TASK), some_rows()
     mean, _ = policy.predict(rows)
     drawn, _ = policy.predict(rows, deterministic=False)
     assert (mean != drawn).any()

@@ -1,7 +1,8 @@
 """The cases that every environment must pass: each preset, the first under each estimator.
 
-A toy (`tests/toys/envs/cart.py`) is among them. It is registered by being there, as any environment
-is, so that its cases also say that a new environment is one file.
+Toys (`tests/toys/envs/`) are among them. They are registered by being there, as any environment
+is, so that their cases also say that a new environment is one file. Where actions are choices, the
+cases choose at random, and a forbidden choice gives way to the next one that is allowed.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from tests.toys import toys
 from visenvs.core import registry
 from visenvs.core.config import field_types, override
 from visenvs.core.lanes import Lanes
+from visenvs.core.layout import Choices
 
 SAME_STEP = gym.vector.AutoresetMode.SAME_STEP
 
@@ -56,9 +58,15 @@ class Case:
             count, vectorization_mode="sync", vector_kwargs={"autoreset_mode": SAME_STEP}
         )
 
+    @property
+    def chooses(self):
+        return isinstance(self.task.action, Choices)
+
     def actions(self, *shape, seed=7):
-        size = self.task.action.size
-        return np.random.default_rng(seed).uniform(-1, 1, (*shape, size)).astype(np.float32)
+        action, rng = self.task.action, np.random.default_rng(seed)
+        if self.chooses:
+            return rng.integers(len(action.names), size=shape)
+        return rng.uniform(-1, 1, (*shape, action.size)).astype(np.float32)
 
 
 def cases(toy):
@@ -76,9 +84,22 @@ with toys():
 FILTERED = [case for case in REAL if case.lanes(1).config.estimator != "truth"]
 
 
+def step_allowed(lanes, actions, step=Lanes.step):
+    """`Lanes.step`, with every forbidden choice replaced by the next that is allowed."""
+    chosen = np.asarray(actions)
+    if isinstance(lanes.task.action, Choices) and np.issubdtype(chosen.dtype, np.integer):
+        count, allowed = len(lanes.task.action.names), lanes.allowed
+        for _ in range(count):
+            forbidden = ~allowed[np.arange(lanes.count), chosen.ravel()]
+            chosen = np.where(forbidden.reshape(chosen.shape), (chosen + 1) % count, chosen)
+        actions = chosen
+    return step(lanes, actions)
+
+
 @pytest.fixture(params=CASES, ids=str)
-def case(request):
+def case(request, monkeypatch):
     """Each preset of each environment under each estimator, and of the toys."""
+    monkeypatch.setattr(Lanes, "step", step_allowed)
     if not request.param.toy:
         yield request.param
         return
@@ -87,6 +108,7 @@ def case(request):
 
 
 @pytest.fixture(params=FILTERED, ids=str)
-def filtered(request):
+def filtered(request, monkeypatch):
     """Each preset of each environment, with a filter between truth and row."""
+    monkeypatch.setattr(Lanes, "step", step_allowed)
     return request.param

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from tests.toys import toys
-from visenvs.core.lanes import Lanes, begin, checked_seeds, settle
+from visenvs.core.lanes import Lanes, checked_seeds
+from visenvs.core.loop import begin, settle
 from visenvs.core.outcome import Outcome
 from visenvs.core.registry import load_task
 

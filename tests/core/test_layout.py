@@ -5,8 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from visenvs.core.lanes import as_floats, write_rows
+from visenvs.core.lanes import as_floats
 from visenvs.core.layout import Field, Layout, float_slots
+from visenvs.core.loop import write_rows
 
 LAYOUT = Layout(
     (

@@ -9,8 +9,9 @@ from PIL import Image, ImageSequence
 
 from agents.registry import load
 from eval import film
-from eval.film import Options, fly, replacing, run
+from eval.film import Options, fly, run
 from visenvs.core.cli import guarded
+from visenvs.core.files import replacing
 from visenvs.core.registry import load_task
 from visenvs.render.rendezvous import draw
 

@@ -300,14 +300,14 @@ def test_an_interrupted_run_says_what_is_missing_and_keeps_what_is_finished(
 ):
     flown = []
 
-    def rollout(*args):
+    def fly_shard(*args):
         if flown:
             raise KeyboardInterrupt
         flown.append(args)
         return original(*args)
 
-    original = jobs.rollout
-    monkeypatch.setattr(jobs, "rollout", rollout)
+    original = jobs.fly_shard
+    monkeypatch.setattr(jobs, "fly_shard", fly_shard)
     options = Options(env=ENV, policies="lq,osa", episodes=2, json=tmp_path / "rows.json")
     code, line = one_line(options, capsys)
     assert code == 130

@@ -33,7 +33,7 @@ def test_every_seed_flies_once_to_its_end(task, config):
 def test_results_do_not_depend_on_how_the_seeds_are_divided(task, config, monkeypatch):
     law = LawPolicy(laws()["osa"], task, config)
     together = rollout(law, task, config, SEEDS)
-    monkeypatch.setattr(module, "LANES", 2)
+    monkeypatch.setattr(module, "SHARD", 2)
     divided = rollout(law, task, config, SEEDS)
     np.testing.assert_array_equal(together.records, divided.records)
     np.testing.assert_array_equal(together.returns, divided.returns)

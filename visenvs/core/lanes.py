@@ -1,7 +1,7 @@
-"""Lanes: many copies of one task in one structured array, and the loop that advances them.
+"""Lanes: many copies of one task in one structured array, and what advances them.
 
 A task gives two compiled loops over its own lane kernels (reset and step). What every task shares
-is typed here once: seeds and episodes, time limits, divergence, reward, observation rows.
+is typed once: seeds and episodes here, the loops over all lanes in `loop.py`.
 """
 
 from __future__ import annotations
@@ -14,16 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from visenvs.core.compile import kernel
 from visenvs.core.config import Config, to_record
-from visenvs.core.layout import Layout, Row, Values, float_slots
-from visenvs.core.outcome import DIVERGED, RUNNING, TIME_LIMIT, Outcome
+from visenvs.core.layout import Choices, Layout, Row, Values, float_slots
+from visenvs.core.loop import HEADER, begin, begin_chosen, settle, write_rows
+from visenvs.core.outcome import RUNNING, TIME_LIMIT, Outcome
 from visenvs.core.registry import load_task
 
-HEADER = [("seed", "u8"), ("episode", "i8"), ("step", "i8"), ("outcome", "i8")]
-STEP, OUTCOME = 2, 3  # places in the header
 FLOAT32 = np.dtype(np.float32)
-ROUNDING = 1e-6  # how far outside its box an action may lie
 
 
 def lane_dtype(columns: list[Any]) -> np.dtype[Any]:
@@ -40,7 +37,8 @@ class Task:
         summary: one line for tables.
         scenarios: named presets, the default first. Each has `dt`, the period of a step in s.
         lane: record of one lane (`lane_dtype`).
-        observation, action: layouts of the rows.
+        observation: layout of the rows.
+        action: layout of the actions, or the choices that there are.
         costs: lane fields that hold this step's increase of each cost term; reward = - their sum.
         metrics: lane field -> unit, reported when an episode ends.
         reset_lanes: compiled (lanes, config) -> None; starts every lane
@@ -51,6 +49,11 @@ class Task:
         picture: "module:function" that draws one lane record, imported when a frame is asked for.
         views: observation layouts by the choices of the configuration's `observation`; empty where
             there is only one.
+        modes: the same for `action`, by the configuration's `action_mode`.
+        team: from the config, how many lanes make one episode together. Those of a team stand side
+            by side, have one seed, and start together; lane i is agent i % team. A lane that has
+            ended stays as it is until all of its team have. Randomness that belongs to an agent
+            must tell agents apart.
         reference: the law that the leaderboard compares the others with.
         aside: scenario whose mean cost is a column beside the default scenario's, for comparison
             with its paper and not for ranking.
@@ -63,7 +66,7 @@ class Task:
     scenarios: Mapping[str, Config]
     lane: np.dtype[Any]
     observation: Layout
-    action: Layout
+    action: Layout | Choices
     costs: tuple[str, ...]
     metrics: Mapping[str, str]
     reset_lanes: Callable[..., None]
@@ -71,15 +74,26 @@ class Task:
     max_steps: Callable[[Any], int] = field(default=lambda _config: 0)
     picture: str = field(default="")
     views: Mapping[str, Layout] = field(default_factory=dict[str, Layout])
+    modes: Mapping[str, Layout | Choices] = field(default_factory=dict[str, "Layout | Choices"])
+    team: Callable[[Any], int] = field(default=lambda _config: 1)
     reference: str = "lq"
     aside: str = ""
     shown: tuple[str, ...] = ()
     lost_above: float = math.inf
 
     def under(self, config: Config) -> Task:
-        """The card with the observation that a configuration asks for."""
+        """The card with the observation and the action that a configuration asks for."""
         view = self.views.get(getattr(config, "observation", ""), self.observation)
-        return self if view is self.observation else replace(self, observation=view)
+        action = self.modes.get(getattr(config, "action_mode", ""), self.action)
+        if view is self.observation and action is self.action:
+            return self
+        return replace(self, observation=view, action=action)
+
+    @property
+    def takes(self) -> str:
+        """What an action is, for error messages."""
+        number = "the number of one of " if isinstance(self.action, Choices) else ""
+        return f"{self.id} takes {number}{', '.join(self.action.names)}"
 
 
 class Lanes:
@@ -98,6 +112,9 @@ class Lanes:
             raise ValueError(f"the number of lanes must be at least 1, got {count}")
         self.task = task = task.under(config)
         self.config = config
+        self.team = team = task.team(config)
+        if count % team:
+            raise ValueError(f"{team} lanes of {task.id} fly together, {count} lanes do not divide")
         self.records: NDArray[Any] = np.zeros(count, task.lane)
         self.rows: Row = np.zeros((count, task.observation.size), np.float32)
         self.rewards: Values = np.zeros(count)
@@ -108,8 +125,13 @@ class Lanes:
         self._integers, self._floats = as_integers(self.records), as_floats(self.records)
         costs, results = float_slots(task.lane, task.costs), (self.terms, self.rewards, self.rows)
         # plain arrays rather than records: a call unpacks them faster
-        self._begin_with = self._integers, self._floats, costs
-        self._settle_with = *self._begin_with, self._slots, task.max_steps(config), *results
+        seen = self._integers, self._floats, costs
+        self._settle_with = *seen, self._slots, task.max_steps(config), *results
+        self._begin: Callable[..., int] = begin
+        self._begin_with: tuple[Any, ...] = seen
+        if isinstance(task.action, Choices):
+            mask = float_slots(task.lane, [task.action.mask] if task.action.mask else [])
+            self._begin, self._begin_with = begin_chosen, (*seen, mask, len(task.action.names))
 
     @property
     def count(self) -> int:
@@ -135,9 +157,10 @@ class Lanes:
         """Start new episodes.
 
         Args:
-            seeds: one non-negative integer for each lane that is reset; the lane's first episode of
-                that seed begins. None: the next episode of the seed that the lane has.
-            where: which lanes, shape (count,); None for all.
+            seeds: one non-negative integer for each lane that is reset (for each team where lanes
+                fly together); the first episode of that seed begins. None: the next episode of the
+                seed that the lane has.
+            where: which lanes, shape (count,), whole teams; None for all.
         """
         chosen = slice(None) if where is None else where
         seed, episode = self.records["seed"][chosen], self.records["episode"][chosen]
@@ -145,7 +168,7 @@ class Lanes:
         if seeds is None:
             lanes["seed"], lanes["episode"] = seed, episode + 1
         else:
-            lanes["seed"] = checked_seeds(seeds, len(lanes))
+            lanes["seed"] = np.repeat(checked_seeds(seeds, len(lanes) // self.team), self.team)
         self.task.reset_lanes(lanes, self._record)
         rows = np.zeros((len(lanes), self.rows.shape[1]), np.float32)
         write_rows(as_floats(lanes), self._slots, rows)
@@ -156,22 +179,36 @@ class Lanes:
         """Advance every running lane by one step; returns how many lanes have ended.
 
         Args:
-            actions: rows of the action layout in [-1, 1], float32, shape (count, action.size).
+            actions: rows of the action layout in [-1, 1], float32, shape (count, action.size); or
+                the numbers of choices, (count,) or (count, 1).
 
         Raises:
-            ValueError: an action of a running lane is not finite or outside its box, or the shape
-                is wrong; no lane has been touched then.
+            ValueError: an action of a running lane is not finite, outside its box or no choice that
+                may be taken, or the shape is wrong; no lane has been touched then.
         """
         if actions.shape != self._shape or actions.dtype != FLOAT32 or not actions.flags.carray:
             actions = self._shaped(actions)
-        bad = begin(*self._begin_with, actions)
+        bad = self._begin(*self._begin_with, actions)
         if bad >= 0:
-            raise ValueError(
-                f"action of lane {bad} must be finite and within [-1, 1], "
-                f"got {actions[bad].tolist()}; write `numpy.clip(action, -1, 1)`"
-            )
+            raise self._refusal(bad, actions[bad].tolist())
         self.task.step_lanes(self.records, actions, self._record)
         return settle(*self._settle_with)
+
+    @property
+    def allowed(self) -> NDArray[np.bool_]:
+        """Which choices each lane may take, shape (count, choices)."""
+        action = self.task.action
+        assert isinstance(action, Choices)
+        if not action.mask:
+            return np.ones((self.count, len(action.names)), bool)
+        return self.records[action.mask] > 0.5
+
+    @property
+    def over(self) -> NDArray[np.bool_]:
+        """Lanes whose whole team has ended, shape (count,)."""
+        if self.team == 1:
+            return self.done
+        return np.repeat(self.done.reshape(-1, self.team).all(axis=1), self.team)
 
     def results(self, lane: int) -> dict[str, Any]:
         """Outcome and metrics of one lane, SI."""
@@ -197,12 +234,27 @@ class Lanes:
     def _shaped(self, actions: ArrayLike) -> Row:
         with np.errstate(over="ignore"):
             array = np.array(actions, np.float32, order="C")
+        chosen = isinstance(self.task.action, Choices)
+        if chosen and array.ndim == 1:
+            array = array[:, None]
         if array.shape != self._shape:
+            shape = self._shape[:1] if chosen else self._shape
             raise ValueError(
-                f"actions must have shape {self._shape}, got {array.shape}: "
-                f"{self.task.id} takes {', '.join(self.task.action.names)}"
+                f"actions must have shape {shape}, got {array.shape}: {self.task.takes}"
             )
         return array
+
+    def _refusal(self, lane: int, action: list[float]) -> ValueError:
+        if not isinstance(self.task.action, Choices):
+            return ValueError(
+                f"action of lane {lane} must be finite and within [-1, 1], "
+                f"got {action}; write `numpy.clip(action, -1, 1)`"
+            )
+        allowed = np.flatnonzero(self.allowed[lane]).tolist()
+        return ValueError(
+            f"action of lane {lane} must be the number of a choice that may be taken, one of "
+            f"{allowed}, got {action}; write `space.sample(mask=info['action_mask'])`"
+        )
 
 
 def _revive(
@@ -238,62 +290,3 @@ def checked_seeds(seeds: ArrayLike, count: int) -> NDArray[np.uint64]:
 def _is_seed(value: Any) -> bool:
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
     return whole and 0 <= int(value) < 2**64
-
-
-@kernel
-def begin(integers, floats, costs, actions):
-    """Check the actions of all running lanes, then open their next step: count it, clear the costs.
-
-    Returns the index of the first lane whose action is not finite or leaves [-1, 1], with no lane
-    touched, or -1.
-    """
-    limit = 1.0 + ROUNDING
-    for i in range(integers.shape[0]):
-        if integers[i, OUTCOME] == RUNNING:
-            for j in range(actions.shape[1]):
-                if not abs(actions[i, j]) <= limit:
-                    return i
-    for i in range(integers.shape[0]):
-        if integers[i, OUTCOME] == RUNNING:
-            integers[i, STEP] += 1
-        for j in range(costs.shape[0]):
-            floats[i, costs[j]] = 0.0
-    return -1
-
-
-@kernel
-def settle(integers, floats, costs, slots, max_steps, terms, rewards, rows):
-    """Finish a step: rewards, divergence, time limit, rows. Returns how many lanes have ended."""
-    ended = 0
-    for i in range(integers.shape[0]):
-        reward = 0.0
-        for j in range(costs.shape[0]):
-            terms[i, j] = 0.0 - floats[i, costs[j]]
-            reward += terms[i, j]
-        finite = reward
-        for j in range(slots.shape[0]):
-            finite += 0.0 * floats[i, slots[j]["source"]]
-        if not math.isfinite(finite):
-            integers[i, OUTCOME] = DIVERGED
-            reward = 0.0
-            for j in range(costs.shape[0]):
-                floats[i, costs[j]] = 0.0
-                terms[i, j] = 0.0
-        elif integers[i, OUTCOME] == RUNNING and max_steps > 0 and integers[i, STEP] >= max_steps:
-            integers[i, OUTCOME] = TIME_LIMIT
-        rewards[i] = reward
-        ended += integers[i, OUTCOME] != RUNNING
-    write_rows(floats, slots, rows)
-    return ended
-
-
-@kernel
-def write_rows(floats, slots, rows):
-    """Rows from lane records seen as float64 (n, k): clipped, scaled, 0 where not finite."""
-    for i in range(rows.shape[0]):
-        for j in range(slots.shape[0]):
-            slot = slots[j]
-            value = floats[i, slot["source"]]
-            if not math.isfinite(value):
-                value = 0.0
-            rows[i, j] = min(max(value, slot["low"]), slot["high"]) * slot["gain"]

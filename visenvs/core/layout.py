@@ -187,6 +187,42 @@ class Layout:
         return array * self.scale
 
 
+@dataclass(frozen=True)
+class Choices:
+    """A discrete action: the number of one of several named choices.
+
+    Attributes:
+        names: of the choices, in the order of their numbers. The first does nothing, and may always
+            be taken.
+        mask: name of a field of the lane record and of the observation, one number for each choice:
+            1 where it may be taken. Empty where all always may.
+    """
+
+    names: tuple[str, ...]
+    mask: str = ""
+
+    def __post_init__(self) -> None:
+        if len(self.names) < 2 or len(set(self.names)) < len(self.names):
+            raise ValueError(f"choices need at least two names of their own, got {self.names}")
+
+    @property
+    def size(self) -> int:
+        """How many numbers an action has."""
+        return 1
+
+    @cached_property
+    def space(self) -> gym.spaces.Discrete:
+        """The numbers of the choices."""
+        return gym.spaces.Discrete(len(self.names))
+
+    def allowed(self, rows: ArrayLike, observation: Layout) -> NDArray[np.bool_]:
+        """Which choices may be taken by observation rows (n, size), shape (n, len(names))."""
+        rows = np.atleast_2d(np.asarray(rows))
+        if not self.mask:
+            return np.ones((len(rows), len(self.names)), bool)
+        return observation.unpack(rows)[self.mask] > 0.5
+
+
 def float_slots(record: np.dtype[Any], names: Sequence[str]) -> NDArray[np.int64]:
     """Positions, in units of 8 bytes, of the named float64 fields of a lane record, in order."""
     places: dict[str, Any] = {name: entry[:2] for name, entry in (record.fields or {}).items()}

@@ -24,5 +24,7 @@ class Outcome(IntEnum):
 RUNNING = int(Outcome.RUNNING)
 SUCCESS = int(Outcome.SUCCESS)
 MISS = int(Outcome.MISS)
+COLLISION = int(Outcome.COLLISION)
+LOST = int(Outcome.LOST)
 DIVERGED = int(Outcome.DIVERGED)
 TIME_LIMIT = int(Outcome.TIME_LIMIT)

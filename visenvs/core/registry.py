@@ -37,7 +37,8 @@ class Law:
         memory: how many numbers a row remembers from step to step, from the configuration's record
             and D; None for a law without memory. A row's memory is zeroed when an episode starts.
         limit: setting that holds the largest command, and so tells what is commanded: "a_max" for
-            accelerations in N. It is the unit of the action's layout.
+            accelerations in N. It is the unit of the action's layout. Empty for a law that chooses:
+            its command, (n, 1), is the number of a choice.
     """
 
     name: str

@@ -12,16 +12,17 @@ from numpy.typing import NDArray
 
 from visenvs.core.layout import Row, Values
 from visenvs.faces import common
-from visenvs.faces.infos import vector_infos
+from visenvs.faces.infos import mask_infos, vector_infos
 
 Mask = NDArray[np.bool_]
+EVERY = np.True_
 METADATA: dict[str, Any] = {
     "render_modes": ["rgb_array"],
     "autoreset_mode": AutoresetMode.SAME_STEP,
 }
 
 
-class LaneVectorEnv(common.OnLanes, VectorEnv[Row, Row, NDArray[Any]]):
+class LaneVectorEnv(common.OnLanes, VectorEnv[Row, Any, NDArray[Any]]):
     """`num_envs` vehicles, each flying the same task on its own seed.
 
     The same, bit for bit, as `gymnasium.vector.SyncVectorEnv` over as many `LaneEnv` in autoreset
@@ -46,7 +47,7 @@ class LaneVectorEnv(common.OnLanes, VectorEnv[Row, Row, NDArray[Any]]):
         render_mode: str | None = None,
         **settings: Any,
     ) -> None:
-        self.lanes = common.open_lanes(env_id, scenario, settings, num_envs)
+        self.lanes = common.open_alone(env_id, scenario, settings, num_envs)
         self.metadata = METADATA | common.rendering(self.lanes, METADATA, render_mode)
         self.render_mode = render_mode
         self.num_envs = num_envs
@@ -81,14 +82,14 @@ class LaneVectorEnv(common.OnLanes, VectorEnv[Row, Row, NDArray[Any]]):
         if (again := where & ~first).any():
             self.lanes.reset(None, again)
         self._begun |= where
-        return self.lanes.rows.copy(), {}
+        return self.lanes.rows.copy(), mask_infos(self.lanes, where)
 
-    def step(self, actions: Row) -> tuple[Row, Values, Mask, Mask, dict[str, Any]]:
+    def step(self, actions: Any) -> tuple[Row, Values, Mask, Mask, dict[str, Any]]:
         """Advance every lane by one step, and start the next episode of every lane that has ended.
 
         Raises:
-            ValueError: an action is not finite, outside [-1, 1] or of the wrong shape; no lane has
-                been touched then.
+            ValueError: an action is not finite, outside [-1, 1], no choice that may be taken, or of
+                the wrong shape; no lane has been touched then.
             ResetNeeded: a lane has never been reset.
         """
         self._check_begun()
@@ -98,6 +99,7 @@ class LaneVectorEnv(common.OnLanes, VectorEnv[Row, Row, NDArray[Any]]):
         infos = vector_infos(lanes, done)
         if ended:
             lanes.reset(where=done)
+        infos |= mask_infos(lanes, EVERY)
         return lanes.rows.copy(), rewards, done & ~truncated, truncated, infos
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:

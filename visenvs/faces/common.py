@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from visenvs.core.config import Config, override, pick
 from visenvs.core.lanes import Lanes, Task
-from visenvs.core.layout import Layout, Row
+from visenvs.core.layout import Choices, Layout
 from visenvs.core.registry import load_task
 
 SEEDS = 2**63  # seeds drawn for a lane lie below
@@ -46,16 +46,30 @@ class OnLanes:
 
 
 def open_lanes(env_id: str, scenario: str | None, settings: Mapping[str, Any], count: int) -> Lanes:
-    """`count` lanes of a task under a named preset (None for the first) with settings changed."""
+    """`count` lanes of a task under a named preset (None for the first) with settings changed.
+
+    Where several fly together, `count` such teams.
+    """
     task = load_task(env_id)
     preset = next(iter(task.scenarios)) if scenario is None else scenario
     config = override(pick("scenario", preset, task.scenarios), settings)
-    return Lanes(task, config, count)
+    return Lanes(task, config, count * task.team(config))
 
 
-def own_space(layout: Layout) -> Space[Row]:
-    """The box of a layout's rows, with a random generator of its own."""
-    return cast("Space[Row]", deepcopy(layout.space))
+def open_alone(env_id: str, scenario: str | None, settings: Mapping[str, Any], count: int) -> Lanes:
+    """The same, or a ValueError where several lanes fly together."""
+    lanes = open_lanes(env_id, scenario, settings, count)
+    if lanes.team > 1:
+        raise ValueError(
+            f"{lanes.team} agents fly {env_id} together under these settings; "
+            f'write `visenvs.faces.team.parallel_env("{env_id}", ...)`'
+        )
+    return lanes
+
+
+def own_space(layout: Layout | Choices) -> Space[Any]:
+    """The space of a layout's rows or of choices, with a random generator of its own."""
+    return cast("Space[Any]", deepcopy(layout.space))
 
 
 def rendering(lanes: Lanes, metadata: Mapping[str, Any], chosen: str | None) -> dict[str, Any]:
@@ -68,9 +82,13 @@ def rendering(lanes: Lanes, metadata: Mapping[str, Any], chosen: str | None) -> 
 
 
 def draw(lanes: Lanes, lane: int) -> NDArray[np.uint8]:
-    """The picture of one lane, RGB, shape (height, width, 3)."""
+    """The picture of one lane, or of all that fly together with it, RGB, (height, width, 3)."""
     module, function = lanes.task.picture.split(":")
-    return getattr(import_module(module), function)(lanes.records[lane], lanes.config, lanes.task)
+    record = lanes.records[lane]
+    if lanes.team > 1:
+        first = lane - lane % lanes.team
+        record = lanes.records[first : first + lanes.team]
+    return getattr(import_module(module), function)(record, lanes.config, lanes.task)
 
 
 def reset_needed(why: str) -> ResetNeeded:

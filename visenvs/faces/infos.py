@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visenvs.core.lanes import Lanes, Task
-from visenvs.core.layout import Values
+from visenvs.core.layout import Choices, Values
 from visenvs.core.outcome import Outcome
 
 Mask = NDArray[np.bool_]
@@ -26,6 +26,19 @@ def final_info(lanes: Lanes) -> dict[str, Any]:
     metrics = lanes.results(0)
     outcome = metrics.pop("outcome")
     return {"outcome": outcome.name.lower(), "metrics": metrics}
+
+
+def mask_info(lanes: Lanes) -> dict[str, Any]:
+    """Which choices a single lane may take, as Gymnasium's spaces want masks."""
+    return {"action_mask": lanes.allowed[0].astype(np.int8)}
+
+
+def mask_infos(lanes: Lanes, where: Mask | np.bool_) -> dict[str, Any]:
+    """Which choices the lanes may take, (count, choices), where they have just been asked."""
+    if not isinstance(lanes.task.action, Choices):
+        return {}
+    asked = np.broadcast_to(where, lanes.count)
+    return _masked({"action_mask": (lanes.allowed & asked[:, None]).astype(np.int8)}, asked)
 
 
 def vector_infos(lanes: Lanes, done: Mask) -> dict[str, Any]:
@@ -51,7 +64,8 @@ def vector_infos(lanes: Lanes, done: Mask) -> dict[str, Any]:
             "outcome": outcomes,
             "metrics": _numbers(metrics, done),
         }
-        infos |= _masked({"final_obs": rows, "final_info": _masked(final, done)}, done)
+        final = _masked(final, done) | mask_infos(lanes, done)
+        infos |= _masked({"final_obs": rows, "final_info": final}, done)
     return infos
 
 

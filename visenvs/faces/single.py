@@ -9,15 +9,15 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from visenvs.core.layout import Row
+from visenvs.core.layout import Choices, Row
 from visenvs.faces import common
-from visenvs.faces.infos import final_info, term_names
+from visenvs.faces.infos import final_info, mask_info, term_names
 
 WINDOW = "visenvs.render.window"  # imported when it is opened
 METADATA: dict[str, Any] = {"render_modes": ["rgb_array", "human"]}
 
 
-class LaneEnv(common.OnLanes, gym.Env[Row, Row]):
+class LaneEnv(common.OnLanes, gym.Env[Row, Any]):
     """One vehicle flying one task.
 
     Args:
@@ -36,12 +36,13 @@ class LaneEnv(common.OnLanes, gym.Env[Row, Row]):
         render_mode: str | None = None,
         **settings: Any,
     ) -> None:
-        self.lanes = common.open_lanes(env_id, scenario, settings, 1)
+        self.lanes = common.open_alone(env_id, scenario, settings, 1)
         self.metadata = METADATA | common.rendering(self.lanes, METADATA, render_mode)
         self.render_mode = render_mode
         self.observation_space = common.own_space(self.task.observation)
         self.action_space = common.own_space(self.task.action)
-        self._shape = (self.task.action.size,)
+        self._shape = self.action_space.shape
+        self._masked = isinstance(self.task.action, Choices)
         self._terms = term_names(self.task)
         self._begun = False
         self._running = False
@@ -52,7 +53,8 @@ class LaneEnv(common.OnLanes, gym.Env[Row, Row]):
     ) -> tuple[Row, dict[str, Any]]:
         """Start an episode: the first of `seed`, or the next one of the seed that the lane has.
 
-        Without a seed the first reset draws one. No options are read.
+        Without a seed the first reset draws one. No options are read. Where the action is a choice,
+        `info["action_mask"]` tells which may be taken.
         """
         super().reset(seed=seed)
         if seed is None and not self._begun:
@@ -61,16 +63,17 @@ class LaneEnv(common.OnLanes, gym.Env[Row, Row]):
         self._begun = self._running = True
         if self.render_mode == "human":
             self.render()
-        return self.lanes.rows[0].copy(), {}
+        return self.lanes.rows[0].copy(), mask_info(self.lanes) if self._masked else {}
 
-    def step(self, action: Row) -> tuple[Row, float, bool, bool, dict[str, Any]]:
+    def step(self, action: Any) -> tuple[Row, float, bool, bool, dict[str, Any]]:
         """Advance one step.
 
         `info["reward_terms"]` sums to the reward. At the end of an episode `info["outcome"]` names
         how it ended and `info["metrics"]` holds the task's metrics, SI.
 
         Raises:
-            ValueError: the action is not finite, outside [-1, 1] or of the wrong shape.
+            ValueError: the action is not finite, outside [-1, 1], no choice that may be taken, or
+                of the wrong shape.
             ResetNeeded: no episode is running.
         """
         if not self._running:
@@ -80,13 +83,14 @@ class LaneEnv(common.OnLanes, gym.Env[Row, Row]):
         lanes, row = self.lanes, np.asarray(action)
         if row.shape != self._shape:
             raise ValueError(
-                f"an action has shape {self._shape}, got {row.shape}: "
-                f"{self.task.id} takes {', '.join(self.task.action.names)}"
+                f"an action has shape {self._shape}, got {row.shape}: {self.task.takes}"
             )
         terminated = truncated = False
         ended = lanes.step(row[None])
         (terms,) = lanes.terms.tolist()
         info: dict[str, Any] = {"reward_terms": dict(zip(self._terms, terms, strict=True))}
+        if self._masked:
+            info |= mask_info(lanes)
         if ended:
             self._running = False
             truncated = bool(lanes.truncated[0])
@@ -116,6 +120,12 @@ class LaneEnv(common.OnLanes, gym.Env[Row, Row]):
         if self._window is not None:
             self._window.close()
             self._window = None
+
+    def action_masks(self) -> NDArray[np.bool_]:
+        """Which choices may be taken, as sb3-contrib asks for it; only where there are choices."""
+        if not self._masked:
+            raise AttributeError(f"{self.task.id} has no choices to mask")
+        return self.lanes.allowed[0]
 
     def snapshot(self) -> NDArray[Any]:
         """A copy of the whole state, for `restore`."""
