@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from visenvs.core.config import Config, field_types, to_record
 from visenvs.core.lanes import Task
-from visenvs.core.layout import Choices
+from visenvs.core.layout import Choices, Layout
 from visenvs.core.registry import Law
 
 from .policy import Actions, NotApplicable, Rows, State
@@ -38,7 +38,8 @@ class LawPolicy:
         self.law = law
         self._task = task
         self._settings = to_record(config)
-        self._parts = parts(law, task, config) if law.limit else []
+        layout = task.action if isinstance(task.action, Layout) else None
+        self._parts = parts(law, layout, config) if layout and law.limit else []
         self._memory = law.memory(self._settings[0], task.action.size) if law.memory else 0
 
     def predict(
@@ -71,13 +72,13 @@ class LawPolicy:
         return commands.astype(np.float32), state
 
 
-def parts(law: Law, task: Task, config: Config) -> list[tuple[slice, float]]:
+def parts(law: Law, layout: Layout, config: Config) -> list[tuple[slice, float]]:
     """Columns of every field of the action, and the setting that holds its largest command.
 
     That is the setting which the field's unit names, or else the law's.
     """
     settings, out, start = to_record(config), [], 0
-    for field in task.action.fields:
+    for field in layout.fields:
         names = settings.dtype.names or ()
         limit = float(settings[field.unit if field.unit in names else law.limit][0])
         out.append((slice(start, start + field.size), limit))

@@ -34,7 +34,7 @@ def moments(estimator: str, episodes: int) -> list[NDArray[Any]]:
     rooms, out, done = start(config, seeds), [], 0
     for moment in MOMENTS:
         images = max(round(moment / PERIOD), 1)
-        angles = SPEED / RADIUS * PERIOD * np.arange(done, images)
+        angles = np.arange(done, images) * (SPEED * PERIOD / RADIUS)
         path = circle(RADIUS, ALTITUDE, angles)
         fly(rooms, seeds, path, down(path), done, config, work())
         out.append(rooms.copy())

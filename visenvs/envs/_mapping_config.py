@@ -180,4 +180,3 @@ SCENARIOS = {
         height=25 * FOOT,
     ),
 }
-

@@ -15,7 +15,16 @@ import numpy as np
 
 from visenvs.core.compile import kernel
 from visenvs.estimation import lines
-from visenvs.estimation.lines import PRINTED, SCRATCH, begin, in_order, quadratic, sight, slide, slopes
+from visenvs.estimation.lines import (
+    PRINTED,
+    SCRATCH,
+    begin,
+    in_order,
+    quadratic,
+    sight,
+    slide,
+    slopes,
+)
 
 NEW, IGNORED = -1, -2  # choices beside the number of a line
 OVERLAP = 0.3  # of the shorter one: what a segment and a line must share

@@ -82,7 +82,20 @@ def take_segments(scene, C, r_V, cfg, seed, episode, step, stream, seen, cut, la
             ends = (pieces[k, 0], pieces[k, 1])
             at_edge = (ends[0] == first and first > 0.0, ends[1] == last and last < 1.0)
             count = sight_of(
-                e, k, ends, at_edge, cfg, seed, episode, step, stream, seen, cut, labels, count, work
+                e,
+                k,
+                ends,
+                at_edge,
+                cfg,
+                seed,
+                episode,
+                step,
+                stream,
+                seen,
+                cut,
+                labels,
+                count,
+                work,
             )
     return add_false(cfg, seed, episode, step, stream, seen, cut, labels, count)
 
