@@ -89,7 +89,7 @@ PRESETS: dict[tuple[str, Algo], Preset] = {
     ("visenvs/Mapping-v0", "ppo"): Preset(
         128,
         ON_POLICY
-        | {"n_steps": 40, "n_epochs": 4, "batch_size": 1280, "gamma": 0.97, "gae_lambda": 0.9},
+        | {"n_steps": 40, "n_epochs": 6, "batch_size": 1280, "gamma": 0.97, "gae_lambda": 0.9},
         SMALL | {"log_std_init": -0.7},
         residual_scale=0.5,
         unit=0.02,

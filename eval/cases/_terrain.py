@@ -1,9 +1,9 @@
 """What figures 18 and 19 of the thesis share: 16 x 16 points of grid terrain, seen for 200 s.
 
 The camera circles at 100 ft and 20 ft/s, 6.4 times, 120 ft above the lowest ground, and looks
-straight down; an image every 0.1 s. Points are 20 ft apart, heights are drawn from 0 to 25 ft; edges
-between neighbours are seen as segments. A point is where up to four lines end: the mean of their
-ends, weighted with the inverses of their covariances.
+straight down; an image every 0.1 s. Points are 20 ft apart, heights are drawn from 0 to 25 ft, and
+edges between neighbours are seen as segments. A point is where up to four lines end: the mean of
+their ends, weighted with the inverses of their covariances.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def moments(estimator: str, episodes: int) -> list[NDArray[Any]]:
     for moment in MOMENTS:
         images = max(round(moment / PERIOD), 1)
         angles = np.arange(done, images) * (SPEED * PERIOD / RADIUS)
-        path = circle(RADIUS, ALTITUDE, angles)
+        path = circle(RADIUS, ALTITUDE, np.asarray(angles, np.float64))
         fly(rooms, seeds, path, down(path), done, config, work())
         out.append(rooms.copy())
         done = images

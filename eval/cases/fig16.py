@@ -56,7 +56,7 @@ def flight(estimator: str, extend_max: float, episodes: int) -> NDArray[Any]:
 
 
 def zigzag() -> NDArray[np.float64]:
-    """Places of all images, m, N, (n, 3): to and fro, 5 ft beyond the edges, from the south-west."""
+    """Places of all images, m, N, (n, 3): to and fro, 5 ft beyond the edges."""
     corners = [(HALF * (2 * k / LEGS - 1), HALF if k % 2 else -HALF) for k in range(LEGS + 1)]
     length = np.hypot(2 * HALF, 2 * HALF / LEGS)
     along = np.arange(0.0, LEGS * length, STEP) / length

@@ -2,7 +2,7 @@
 
 The thesis numbers 256 points and draws the errors of 73, 139 and 227, which it picked at random;
 its numbering is not given, here it is row by row from the south-west, from 1. At the rim of the
-camera's reach edges are seen rarely and from one side, so the mean square is a matter of few points:
+camera's reach edges are seen rarely and from one side, so that few points make the mean square:
 medians and 95th percentiles are told.
 """
 
@@ -23,7 +23,7 @@ BANDS = {"d-only": 0.15, "four": 0.03}  # median error, ft
 
 
 def rows(episodes: int) -> list[Row]:
-    """Points seen, median and 95th percentile of their errors after 200 s, and three of them, ft."""
+    """Points seen, median and 95th percentile of their errors at the end, three of them, ft."""
     out: list[Row] = []
     for estimator, most in BANDS.items():
         at = f"{CASE}/{estimator}"

@@ -1,4 +1,4 @@
-"""Figure 19 of the thesis (2.4.4): the map of grid terrain after 0, 50, 100, 150 and 200 s; in feet.
+"""Figure 19 of the thesis (2.4.4): the map of grid terrain, every 50 s; in feet.
 
 It is flat at the start, since new lines are taken to lie at zero altitude.
 """
@@ -41,7 +41,9 @@ def plot(folder: Path, episodes: int) -> Path:
     for k, moment in enumerate(SHOWN):
         axes: Any = figure.add_subplot(1, len(SHOWN), k + 1, projection="3d")
         draw_lines(axes, rooms[MOMENTS.index(moment)][0])
-        axes.set(title=f"t = {moment} s", zlim=(0.0, 60.0))
+        wide = (-160.0, 160.0)
+        axes.set(title=f"t = {moment} s", xlim=wide, ylim=wide, zlim=(0.0, 60.0))
+        axes.set_box_aspect((1.0, 1.0, 0.3), zoom=1.1)
     file = folder / f"{CASE}.png"
     figure.savefig(file, dpi=110)
     return file

@@ -1,4 +1,4 @@
-"""What a mapping task makes of its images: the map, the coverage, what the row tells, the errors."""
+"""What a mapping task makes of its images: map, coverage, what the row tells, errors."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ def build(scene, cfg, seed, episode, stream):
 
 @kernel
 def add_edge(scene, a, b, solid, first, second):
-    """Add an edge between two points, as tuples (north, east, down), beside two faces of a solid."""
+    """Add an edge between two points (north, east, down), beside two faces of a solid."""
     e = scene["edges"]
     for j in range(3):
         scene["edge"][e, j], scene["edge"][e, j + 3] = a[j], b[j]

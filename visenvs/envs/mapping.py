@@ -26,6 +26,7 @@ from visenvs.dynamics.point_mass import move, saturate
 from visenvs.envs._mapping_config import (
     EDGES,
     SCENARIOS,
+    MappingConfig,
     SEGMENTS,
     SIDE,
     SLOTS,
@@ -153,7 +154,7 @@ def step_lane(lane, action, cfg, work):
 
 @kernel
 def reset_lane(lane, cfg, work):
-    """Start an episode from a zeroed record: build the scene, place the aircraft; nothing is seen."""
+    """Start an episode from a zeroed record: build the scene, place the aircraft, blind."""
     build(lane, cfg, lane["seed"], lane["episode"], SCENE)
     draws = uniform_pair(lane["seed"], lane["episode"], SCENE, 0, START)
     for i in range(2):

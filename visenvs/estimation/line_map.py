@@ -1,9 +1,7 @@
-"""A map of lines from images of segments: association, extension, addition and deletion (2.4).
+"""A map of lines from images of segments: extension, addition and deletion (thesis 2.4.3).
 
-An image is `foresee` (the images of all lines, with their deviations), `associate` (which line
-each segment is of), `absorb` (update, extend, add, delete); `use_image` does all three. Settings:
-a record with what `lines` needs, and half_width, ztest_max, extend_max, delete_after, patience,
-confirm, age_out, min_length.
+`use_image` is `line_matching.foresee` and `associate`, then `absorb`. Settings: a record with what
+`lines` and `line_matching` need, and extend_max, delete_after, patience, confirm, age_out.
 """
 
 from __future__ import annotations
@@ -15,6 +13,7 @@ import numpy as np
 
 from visenvs.core.compile import kernel
 from visenvs.estimation import lines
+from visenvs.estimation.line_matching import NEW, associate, foresee
 from visenvs.estimation.lines import (
     PRINTED,
     SCRATCH,
@@ -25,10 +24,6 @@ from visenvs.estimation.lines import (
     slide,
     slopes,
 )
-
-NEW, IGNORED = -1, -2  # choices beside the number of a line
-OVERLAP = 0.3  # of the shorter one: what a segment and a line must share
-LONE = 25.0  # an end inside its line counts no more than this: the rest may be hidden
 
 
 def map_dtype(slots: int) -> np.dtype[Any]:
@@ -88,115 +83,6 @@ def use_image(lines_map, C, r_V, seen, cut, labels, count, cfg, work):
     foresee(lines_map, C, r_V, cfg, work)
     associate(lines_map, seen, cut, count, cfg, work)
     absorb(lines_map, C, r_V, seen, cut, labels, count, cfg, work)
-
-
-@kernel
-def foresee(lines_map, C, r_V, cfg, work):
-    """Write the image of every line with its deviations, and whether it should be seen."""
-    scratch = work["line"]
-    out = scratch["sight"]
-    for j in range(lines_map["used"]):
-        work["ahead"][j] = lines_map["in_view"][j] = work["touched"][j] = 0.0
-        if lines_map["alive"][j] == 0.0:
-            continue
-        if not sight(lines_map["x"][j], C, r_V, cfg["near"], out, scratch["r"]):
-            continue
-        slopes(C, out, scratch["J"])
-        work["ahead"][j], work["length"][j], P = 1.0, out["length"], lines_map["P"][j]
-        for i in range(2):
-            work["p"][j, i], work["u"][j, i] = out["p"][0, i], out["u"][i]
-            work["t"][j, i] = out["t"][i]
-            work["along"][j, i] = quadratic(P, out["along"][i])
-        work["across"][j, 0] = quadratic(P, out["across"][0])
-        work["across"][j, 2] = quadratic(P, out["across"][1])
-        total = 0.0
-        for a in range(6):
-            for b in range(6):
-                total += out["across"][0, a] * P[a, b] * out["across"][1, b]
-        work["across"][j, 1] = total
-        shown = part_in_view(out["p"], cfg["half_width"]) * out["length"]
-        lines_map["in_view"][j] = 1.0 if shown > 2.0 * cfg["min_length"] else 0.0
-
-
-@kernel
-def part_in_view(p, half_width):
-    """Share of the segment between two image points (2, 2) that lies inside the square picture."""
-    low, high = 0.0, 1.0
-    for k in range(2):
-        a, b = p[0, k], p[1, k] - p[0, k]
-        if b == 0.0:
-            if abs(a) >= half_width:
-                return 0.0
-            continue
-        first, last = (-half_width - a) / b, (half_width - a) / b
-        low, high = max(low, min(first, last)), min(high, max(first, last))
-    return max(high - low, 0.0)
-
-
-@kernel
-def associate(lines_map, seen, cut, count, cfg, work):
-    """Write work["choice"] of every segment: the line with the least z-test value, or NEW.
-
-    Several segments may be of one line.
-    """
-    for i in range(count):
-        best, work["choice"][i] = math.inf, NEW
-        for j in range(lines_map["used"]):
-            if work["ahead"][j] > 0.0 and near_by(seen[i], j, cfg, work):
-                value = ztest(seen[i], cut[i], lines_map["closed"][j], j, cfg, work)
-                if value < best:
-                    best, work["choice"][i] = value, j
-
-
-@kernel
-def near_by(segment, j, cfg, work):
-    """Whether the middle of a segment is near enough to line j for its z-test to be worth it."""
-    y = 0.5 * (segment[0] + segment[2]) - work["p"][j, 0]
-    z = 0.5 * (segment[1] + segment[3]) - work["p"][j, 1]
-    d = work["u"][j, 0] * z - work["u"][j, 1] * y
-    spread = max(work["across"][j, 0], work["across"][j, 2])
-    return d * d <= cfg["ztest_max"] * (4.0 * spread + cfg["sigma_image"] ** 2)
-
-
-@kernel
-def ztest(segment, cut, closed, j, cfg, work):
-    """The z-test value of a segment with line j, and log det of its covariance; inf where it fails.
-
-    It is d' S^-1 d of the distances (d_1, d_2), and as much for ends that lie beyond a closed end.
-    The logarithm, of S over the noise alone, keeps uncertain lines from winning. Ends of a segment
-    that is seen whole and lie inside the line count up to LONE each, to tell neighbours in one
-    straight line apart.
-    """
-    u, noise, length = work["u"][j], cfg["sigma_image"] ** 2, work["length"][j]
-    y, z = segment[0] - work["p"][j, 0], segment[1] - work["p"][j, 1]
-    a, d_a = u[0] * y + u[1] * z, u[0] * z - u[1] * y
-    y, z = segment[2] - work["p"][j, 0], segment[3] - work["p"][j, 1]
-    b, d_b = u[0] * y + u[1] * z, u[0] * z - u[1] * y
-    first, last = 0, 1
-    if b < a:
-        a, d_a, b, d_b, first, last = b, d_b, a, d_a, 1, 0
-    slack = 3.0 * math.sqrt(max(work["along"][j, 0], work["along"][j, 1]) + noise)
-    if min(b, length) - max(a, 0.0) + slack < OVERLAP * min(b - a, length) + 0.5 * slack:
-        return math.inf
-    N, p, q = work["across"][j], a / length, b / length
-    s_aa = (1 - p) * (1 - p) * N[0] + 2.0 * p * (1 - p) * N[1] + p * p * N[2] + noise
-    s_bb = (1 - q) * (1 - q) * N[0] + 2.0 * q * (1 - q) * N[1] + q * q * N[2] + noise
-    s_ab = (1 - p) * (1 - q) * N[0] + (p + q - 2.0 * p * q) * N[1] + p * q * N[2]
-    det = s_aa * s_bb - s_ab * s_ab
-    if not det > 0.0:
-        return math.inf
-    value = (s_bb * d_a * d_a - 2.0 * s_ab * d_a * d_b + s_aa * d_b * d_b) / det
-    inside = 0.0
-    for i in range(2):
-        beyond = -a if i == 0 else b - length
-        error = beyond * beyond / (work["along"][j, i] + noise)
-        if closed[i] > 0.0 and beyond > 0.0:
-            value += error
-        elif closed[i] > 0.0 and cut[first if i == 0 else last] == 0.0:
-            inside += min(error, LONE)
-    if value > cfg["ztest_max"]:
-        return math.inf
-    return value + inside + math.log(det / (noise * noise))
 
 
 @kernel
@@ -264,10 +150,10 @@ def share_of(q, s, i):
 
 @kernel
 def update_printed(lines_map, C, r_V, seen, count, cfg, work):
-    """Update every line by all its segments at once, as printed: x += sum K_i z_i, P -= sum K_i H P.
+    """Update every line by all its segments at once: x += sum K_i z_i, P -= sum K_i H P.
 
-    Every gain uses the same P^- (2.40)-(2.41): with two segments of one line the covariance is
-    no longer one. Counts in `indefinite` the updates after which a variance is negative.
+    As printed in (2.40)-(2.41) every gain uses the same P^-: with two segments of one line the
+    covariance need be none any more. Counts in `indefinite` the updates after which it is not.
     """
     scratch, sum_x, sum_P = work["line"], work["sum_x"], work["sum_P"]
     W, y, true_end = scratch["W"], scratch["y"], scratch["true_end"]
@@ -291,13 +177,25 @@ def update_printed(lines_map, C, r_V, seen, count, cfg, work):
                     for b in range(6):
                         sum_P[a, b] += W[a, b] - P[a, b]
         if used:
-            negative = False
             for a in range(6):
                 x[a] = sum_x[a]
-                negative = negative or sum_P[a, a] < 0.0
                 for b in range(6):
                     P[a, b] = sum_P[a, b]
-            lines_map["indefinite"] += 1.0 if negative else 0.0
+            lines_map["indefinite"] += 0.0 if positive(sum_P) else 1.0
+
+
+@kernel
+def positive(P):
+    """Whether a symmetric matrix is positive definite, by elimination; overwrites it."""
+    n = P.shape[0]
+    for k in range(n):
+        if not P[k, k] > 0.0:
+            return False
+        for i in range(k + 1, n):
+            share = P[i, k] / P[k, k]
+            for j in range(k + 1, n):
+                P[i, j] -= share * P[k, j]
+    return True
 
 
 @kernel

@@ -17,9 +17,10 @@ from visenvs.core.frames import rotate
 from visenvs.core.noise import normal_pair, uniform_pair
 
 FACES = 6  # that a solid has at most
-CORNERS = 3 + FACES  # of a triangle that is cut by them
+CORNERS = 3 + FACES  # of a triangle that is cut by them, at most
 PIECES = 4  # of an edge that are left beside the solids before it
-DRAWS = 8  # of an edge in an image
+DRAWS = 8  # of a piece of an edge in an image
+FALSE = 1 << 24  # first draw of a false segment
 NOBODY = -1.0  # label of a false segment
 GAP = 0.05  # between the two parts of a split segment, of its length
 
@@ -47,7 +48,7 @@ SCRATCH = np.dtype(
         ("q", "f8", (2, 3)),
         ("pieces", "f8", (PIECES, 2)),
         ("left", "f8", (2 * PIECES, 2)),
-        ("polygon", "f8", (2, CORNERS + 1, 2)),
+        ("polygon", "f8", (2, CORNERS, 2)),
         ("f", "f8", (3, FACES)),
         ("interval", "f8", (2,)),
         ("point", "f8", (4,)),
@@ -81,23 +82,9 @@ def take_segments(scene, C, r_V, cfg, seed, episode, step, stream, seen, cut, la
         for k in range(parts):
             ends = (pieces[k, 0], pieces[k, 1])
             at_edge = (ends[0] == first and first > 0.0, ends[1] == last and last < 1.0)
-            count = sight_of(
-                e,
-                k,
-                ends,
-                at_edge,
-                cfg,
-                seed,
-                episode,
-                step,
-                stream,
-                seen,
-                cut,
-                labels,
-                count,
-                work,
-            )
-    return add_false(cfg, seed, episode, step, stream, seen, cut, labels, count)
+            draw = (seed, episode, stream, step, DRAWS * (PIECES * e + k))
+            count = measure(e, ends, at_edge, cfg, draw, seen, cut, labels, count, work)
+    return add_false(cfg, (seed, episode, stream, step, FALSE), seen, cut, labels, count)
 
 
 @kernel
@@ -178,43 +165,57 @@ def behind(scene, b, edge, r_V, work):
         f[2, k] = n[0] * edge[3] + n[1] * edge[4] + n[2] * edge[5] - n[3]
         if f[0, k] >= 0.0 and f[1, k] >= 0.0 and f[2, k] >= 0.0:
             return False
-    polygon, now, corners = work["polygon"], 0, 3
+    polygon, corners = work["polygon"], 3
     polygon[0, 0, 0] = polygon[0, 0, 1] = polygon[0, 1, 1] = polygon[0, 2, 0] = 0.0
     polygon[0, 1, 0] = polygon[0, 2, 1] = 1.0
     for k in range(faces):
-        kept, before = 0, corners - 1
-        for c in range(corners):
-            v, w = polygon[now, c, 0], polygon[now, c, 1]
-            v0, w0 = polygon[now, before, 0], polygon[now, before, 1]
-            here = f[0, k] + v * (f[1, k] - f[0, k]) + w * (f[2, k] - f[0, k])
-            there = f[0, k] + v0 * (f[1, k] - f[0, k]) + w0 * (f[2, k] - f[0, k])
-            if (here < 0.0) != (there < 0.0):
-                s = there / (there - here)
-                polygon[1 - now, kept, 0], polygon[1 - now, kept, 1] = (
-                    v0 + s * (v - v0),
-                    w0 + s * (w - w0),
-                )
-                kept += 1
-            if here < 0.0:
-                polygon[1 - now, kept, 0], polygon[1 - now, kept, 1] = v, w
-                kept += 1
-            before = c
-        now, corners = 1 - now, kept
-        if corners < 3:
-            return False
-    low, high = 1.0, 0.0
+        corners = cut_polygon(polygon[k % 2], corners, f[:, k], polygon[1 - k % 2])
+    low, high, last = 1.0, 0.0, polygon[faces % 2]
     for c in range(corners):
-        total = polygon[now, c, 0] + polygon[now, c, 1]
+        total = last[c, 0] + last[c, 1]
         if total > 0.0:
-            place = polygon[now, c, 1] / total
-            low, high = min(low, place), max(high, place)
+            low, high = min(low, last[c, 1] / total), max(high, last[c, 1] / total)
     work["interval"][0], work["interval"][1] = low, high
     return low < high
 
 
 @kernel
-def sight_of(e, k, ends, at_edge, cfg, seed, episode, step, stream, seen, cut, labels, count, work):
-    """Measure piece k of edge e, between two shares of it, maybe in two parts; returns the count."""
+def cut_polygon(polygon, corners, f, out):
+    """Write the part of a convex polygon with f_0 + v (f_1 - f_0) + w (f_2 - f_0) < 0.
+
+    Args:
+        polygon: corners (v, w), (n, 2), of which `corners` are in use.
+        f: values at (0, 0), (1, 0) and (0, 1), (3,).
+        out: receives the corners, (n, 2).
+
+    Returns:
+        How many corners are left (Sutherland and Hodgman 1974).
+    """
+    kept = 0
+    for c in range(corners):
+        before = c - 1 if c > 0 else corners - 1
+        v, w, v0, w0 = polygon[c, 0], polygon[c, 1], polygon[before, 0], polygon[before, 1]
+        here = f[0] + v * (f[1] - f[0]) + w * (f[2] - f[0])
+        there = f[0] + v0 * (f[1] - f[0]) + w0 * (f[2] - f[0])
+        if (here < 0.0) != (there < 0.0):
+            s = there / (there - here)
+            out[kept, 0], out[kept, 1] = v0 + s * (v - v0), w0 + s * (w - w0)
+            kept += 1
+        if here < 0.0:
+            out[kept, 0], out[kept, 1] = v, w
+            kept += 1
+    return kept
+
+
+@kernel
+def measure(e, ends, at_edge, cfg, draw, seen, cut, labels, count, work):
+    """Measure a piece of edge e, maybe in two parts; returns the count.
+
+    Args:
+        ends: where the piece begins and ends, of the edge.
+        at_edge: whether the picture's edge cuts it off there.
+        draw: names its first draw (`core.noise`).
+    """
     q, point = work["q"], work["point"]
     for i in range(2):
         X = q[0, 0] + ends[i] * (q[1, 0] - q[0, 0])
@@ -223,7 +224,7 @@ def sight_of(e, k, ends, at_edge, cfg, seed, episode, step, stream, seen, cut, l
     length = math.hypot(point[2] - point[0], point[3] - point[1])
     if length < cfg["min_length"]:
         return count
-    first = DRAWS * (PIECES * e + k)
+    seed, episode, stream, step, first = draw
     chance, order = uniform_pair(seed, episode, stream, step, first)
     if chance >= cfg["p_detect"]:
         return count
@@ -232,31 +233,27 @@ def sight_of(e, k, ends, at_edge, cfg, seed, episode, step, stream, seen, cut, l
         split, place = uniform_pair(seed, episode, stream, step, first + 1)
         if split < cfg["p_split"]:
             parts, middle = 2, 0.3 + 0.4 * place
-    for part in range(parts):
-        if count >= seen.shape[0]:
-            return count
-        a = 0.0 if part == 0 else middle + 0.5 * GAP
-        b = 1.0 if part == parts - 1 else middle - 0.5 * GAP
-        turned = order < 0.5
+    for part in range(min(parts, seen.shape[0] - count)):
+        first_end = 0.0 if part == 0 else middle + 0.5 * GAP
+        last_end = 1.0 if part == parts - 1 else middle - 0.5 * GAP
         for i in range(2):
-            s = b if (i == 1) != turned else a
+            s = last_end if (i == 1) != (order < 0.5) else first_end
             noise = normal_pair(seed, episode, stream, step, first + 2 + 2 * part + i)
             for j in range(2):
                 at = point[j] + s * (point[2 + j] - point[j])
                 seen[count, 2 * i + j] = at + cfg["sigma_image"] * noise[j]
-            cut[count, i] = 0.0
-            if (s == 0.0 and at_edge[0]) or (s == 1.0 and at_edge[1]):
-                cut[count, i] = 1.0
+            off = (s == 0.0 and at_edge[0]) or (s == 1.0 and at_edge[1])
+            cut[count, i] = 1.0 if off else 0.0
         labels[count] = e
         count += 1
     return count
 
 
 @kernel
-def add_false(cfg, seed, episode, step, stream, seen, cut, labels, count):
-    """Add a segment of nothing, somewhere in the picture, with chance p_false; returns the count."""
+def add_false(cfg, draw, seen, cut, labels, count):
+    """Add a segment of nothing somewhere in the picture, with chance p_false; returns the count."""
     if cfg["p_false"] > 0.0 and count < seen.shape[0]:
-        first = DRAWS * (PIECES * labels.shape[0] + 1) + 1_000_000
+        seed, episode, stream, step, first = draw
         chance, turn = uniform_pair(seed, episode, stream, step, first)
         if chance < cfg["p_false"]:
             y, z = uniform_pair(seed, episode, stream, step, first + 1)
