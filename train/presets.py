@@ -86,11 +86,13 @@ PRESETS: dict[tuple[str, Algo], Preset] = {
         ON_POLICY | {"n_steps": 150, "gamma": 0.99},
         SMALL | {"log_std_init": -0.5},
     ),
+    # whole episodes, all of one length: parts of them would teach one phase of the flight at a time
     ("visenvs/Mapping-v0", "ppo"): Preset(
-        128,
+        64,
         ON_POLICY
-        | {"n_steps": 40, "n_epochs": 6, "batch_size": 1280, "gamma": 0.97, "gae_lambda": 0.9},
-        SMALL | {"log_std_init": -0.7},
+        | {"n_steps": 120, "batch_size": 1920, "gamma": 0.97, "gae_lambda": 0.9}
+        | {"learning_rate": 5e-4},
+        {"net_arch": {"pi": [32], "vf": [64, 64]}, "log_std_init": -0.7},
         residual_scale=0.5,
         unit=0.02,
     ),

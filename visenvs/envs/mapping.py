@@ -26,7 +26,6 @@ from visenvs.dynamics.point_mass import move, saturate
 from visenvs.envs._mapping_config import (
     EDGES,
     SCENARIOS,
-    MappingConfig,
     SEGMENTS,
     SIDE,
     SLOTS,

@@ -112,8 +112,9 @@ def absorb(lines_map, C, r_V, seen, cut, labels, count, cfg, work):
 def stretch(lines_map, j, C, r_V, segment, cut, cfg, work):
     """Update line j by a segment, and draw its open ends out to the segment's.
 
-    An end of the segment that is not cut off closes the line's end. Beyond a closed end a line is
-    lengthened only where the segment tells that it was closed too early, by a part that was hidden.
+    An end of the segment that is not cut off closes an open end, which is moved there, in or out.
+    Beyond a closed end a line is lengthened only where the segment tells that it was closed too
+    early: the rest was hidden. A segment that ends within the line tells nothing of its end.
     """
     scratch, x, P, closed = work["line"], lines_map["x"][j], lines_map["P"][j], lines_map["closed"]
     out, s, true_end = scratch["sight"], scratch["s"], scratch["true_end"]
@@ -126,11 +127,14 @@ def stretch(lines_map, j, C, r_V, segment, cut, cfg, work):
         beyond, depth = (-s[0] if i == 0 else s[1] - 1.0) * out["length"], out["q"][i, 0]
         gate = cfg["e_gate"] * math.sqrt(quadratic(P, out["along"][i]) + noise * noise)
         true_end[k] = 1.0 - cut[k]
-        if out["t"][i] == i and beyond > (gate if closed[j, i] > 0.0 else 0.0):
-            share = max(share_of(out["q"], s, i), -cfg["extend_max"])
+        opened = closed[j, i] == 0.0
+        ends_here = cut[k] == 0.0 and beyond > -gate
+        moves = beyond > (0.0 if opened else gate) or (opened and ends_here)
+        if moves and out["t"][i] == i:
+            share = min(max(share_of(out["q"], s, i), -cfg["extend_max"]), 0.5)
             slide(x, P, i, share, (noise * depth) ** 2, scratch["W"])
             true_end[k] = 0.0  # it has been used
-        if cut[k] == 0.0 and beyond > -gate:
+        if ends_here:
             closed[j, i] = 1.0
     lines.update(x, P, C, r_V, segment, true_end, cfg, scratch)
 

@@ -107,40 +107,40 @@ def slopes(C, out, J):
 
 
 @kernel
-def in_order(sight, segment, x, s):
+def in_order(view, segment, x, s):
     """Write a segment with its ends in the order of the line's, and where they lie along its image.
 
     Of both orders this is the one with the smaller e_1^2 + e_2^2. Returns whether it is reversed.
     """
-    u, p = sight["u"], sight["p"]
+    u, p = view["u"], view["p"]
     turned = u[0] * (segment[2] - segment[0]) + u[1] * (segment[3] - segment[1]) < 0.0
     for i in range(2):
         k = 2 * (1 - i) if turned else 2 * i
         x[2 * i], x[2 * i + 1] = segment[k], segment[k + 1]
         s[i] = u[0] * (x[2 * i] - p[0, 0]) + u[1] * (x[2 * i + 1] - p[0, 1])
-        s[i] /= sight["length"]
+        s[i] /= view["length"]
     return turned
 
 
 @kernel
-def linearise(sight, x, s, residual, H):
+def linearise(view, x, s, residual, H):
     """Write the residuals (d_1, d_2, e_1, e_2) of an ordered segment, and H = - d residual / dX.
 
     The rows of d_i are exactly (1 - s_i) and s_i times those of the line's ends.
 
     Args:
-        sight: SIGHT with `slopes`.
+        view: SIGHT with `slopes`.
         x, s: from `in_order`.
         residual, H: written, (4,) and (4, 6).
     """
-    u, p, along, across = sight["u"], sight["p"], sight["along"], sight["across"]
+    u, p, along, across = view["u"], view["p"], view["along"], view["across"]
     for i in range(2):
         d = u[0] * (x[2 * i + 1] - p[0, 1]) - u[1] * (x[2 * i] - p[0, 0])
         residual[i] = d
-        residual[i + 2] = (s[i] - i) * sight["length"]
+        residual[i + 2] = (s[i] - i) * view["length"]
         for j in range(6):
             H[i, j] = (1.0 - s[i]) * across[0, j] + s[i] * across[1, j]
-            turning = (across[1, j] - across[0, j]) / sight["length"]
+            turning = (across[1, j] - across[0, j]) / view["length"]
             H[i + 2, j] = along[i, j] - d * turning
 
 

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visenvs.core.lanes import Task
-from visenvs.envs._mapping_config import SIDE
-from visenvs.envs.mapping import MappingConfig
+from visenvs.envs._mapping_config import SIDE, MappingConfig
 from visenvs.render import style
 from visenvs.render.canvas import NOTHING, Panel, Points
 from visenvs.render.scene import draw_figures, figures, paper
