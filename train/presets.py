@@ -89,9 +89,7 @@ PRESETS: dict[tuple[str, Algo], Preset] = {
     # whole episodes, all of one length: parts of them would teach one phase of the flight at a time
     ("visenvs/Mapping-v0", "ppo"): Preset(
         64,
-        ON_POLICY
-        | {"n_steps": 120, "batch_size": 1920, "gamma": 0.97, "gae_lambda": 0.9}
-        | {"learning_rate": 5e-4},
+        ON_POLICY | {"n_steps": 120, "batch_size": 1920, "gamma": 0.97, "gae_lambda": 0.9},
         {"net_arch": {"pi": [32], "vf": [64, 64]}, "log_std_init": -0.7},
         residual_scale=0.5,
         unit=0.02,

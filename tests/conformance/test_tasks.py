@@ -18,6 +18,7 @@ LONGEST = 2000  # steps: no episode is longer
 # settings under which it gets no measurement.
 HIDDEN = {
     "visenvs/Avoidance-v0": (("r_O_N", "v_O_N"), {"p_detect": 0.0}),
+    "visenvs/Mapping-v0": (("edge",), {"p_detect": 0.0, "p_false": 0.0}),
     "visenvs/Rendezvous-v0": (("r_T_N", "r_TV_N"), {"p_detect": 0.0}),
     "visenvs/BearingsOnly-v0": (("r_TV_N", "v_T_N"), {"p_detect": 0.0}),
     "visenvs/Tracking2D-v0": (("r_T_N", "r_TV_N"), {"p_detect": 0.0}),
