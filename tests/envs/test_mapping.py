@@ -107,7 +107,7 @@ def test_the_worst_deviation_is_the_largest_across_the_line():
     for k in range(20):
         root, x, w = rng.normal(size=(6, 6)), rng.normal(size=6), np.zeros(3)
         if k == 0:
-            x[3:] = x[:3] + [0.0, 0.0, 2.0]  # upright
+            x[3:] = x[:3] + np.array([0.0, 0.0, 2.0])  # upright
         P = root @ root.T
         deviation = worst_deviation(x, P, w)
         u = (x[3:] - x[:3]) / np.linalg.norm(x[3:] - x[:3])
@@ -188,7 +188,6 @@ def test_cells_are_covered_when_a_picture_shows_their_middle():
             for c in range(SIDE * SIDE)
         ]
     )
-    lanes.config = lanes.config
     lanes = Lanes(TASK, replace(lanes.config, images=1), 1)
     lanes.reset([5])
     for angle in (0.0, 1.0, 2.5, 4.0):

@@ -52,6 +52,7 @@ def circle(n=24, radius=15.0, altitude=30.0):
 
 ROOF = np.array([[-4.0, -3.0, -6.0], [5.0, -2.0, -6.0]])
 GROUND = np.array([[-4.0, 4.0, 0.0], [5.0, 5.0, 0.0]])
+EAST = np.array([0.0, 1.0, 0.0])
 
 
 def ends_of(camera, j):
@@ -83,25 +84,25 @@ def test_ends_in_any_order_are_the_same_segment():
 
 def test_the_nearer_of_two_lines_wins_and_what_fits_none_is_new():
     camera = Camera()
-    beside = GROUND + [0.0, 1.0, 0.0]
+    beside = GROUND + EAST
     camera.look([0, 0, -30], [GROUND, beside])
     assert camera.look([0, 0, -30], [beside, GROUND], labels=[1, 0]).tolist() == [1, 0]
-    assert camera.look([0, 0, -30], [GROUND + [0.0, 0.5, 0.0]]).tolist() == [NEW]
+    assert camera.look([0, 0, -30], [GROUND + 0.5 * EAST]).tolist() == [NEW]
 
 
 def test_uncertain_lines_do_not_win_by_being_uncertain():
     """The distance of both lines is the same; the wider one has the smaller d' S^-1 d."""
     camera = Camera()
-    camera.look([0, 0, -30], [GROUND, GROUND + [0.0, 0.2, 0.0]])
+    camera.look([0, 0, -30], [GROUND, GROUND + 0.2 * EAST])
     camera.map["P"][0] = 0.01**2 * np.eye(6)
     camera.map["P"][1] = 0.5**2 * np.eye(6)
-    assert camera.look([0, 0, -30], [GROUND + [0.0, 0.1, 0.0]]).tolist() == [0]
+    assert camera.look([0, 0, -30], [GROUND + 0.1 * EAST]).tolist() == [0]
 
 
 def test_neighbours_in_one_straight_line_are_told_apart():
     camera = Camera()
     first = np.array([[-6.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
-    second = first + [6.0, 0.0, 0.0]
+    second = first + np.array([6.0, 0.0, 0.0])
     camera.look([0, 0, -30], [first, second])
     for place in circle(8, 3.0):
         assert camera.look(place, [second, first], labels=[1, 0]).tolist() == [1, 0]

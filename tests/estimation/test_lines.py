@@ -146,7 +146,7 @@ def test_the_update_is_kalman_s(estimator):
 
 
 def test_an_end_that_is_none_has_no_residual_along_the_line():
-    rng, C, r_V, x = scene(3)
+    _, C, r_V, x = scene(3)
     P = 0.01 * np.eye(6)
     half = np.concatenate([x[:3], 0.5 * (x[:3] + x[3:])])
     segment, work = segment_of(C, r_V, half), np.zeros(1, SCRATCH)[0]
@@ -154,7 +154,7 @@ def test_an_end_that_is_none_has_no_residual_along_the_line():
         y, Q = x.copy(), P.copy()
         update(y, Q, C, r_V, segment, np.array(true_end), settings(), work)
         assert y == pytest.approx(x, abs=1e-9)
-        residual, H, turned = residuals(x, C, r_V, segment, settings())
+        _, H, turned = residuals(x, C, r_V, segment, settings())
         assert not turned
         seen, unseen = (H[i] @ Q @ H[i] / (H[i] @ P @ H[i]) for i in (2, 3))
         assert seen < 0.5 and unseen > 0.9

@@ -9,7 +9,7 @@ from agents.registry import load
 from visenvs.core.lanes import Lanes
 from visenvs.core.registry import load_task
 from visenvs.render.mapping import CAMERA, ROUND, SPACE, draw, footprint, projected, window
-from visenvs.render.style import BLUE, INK, VERMILLION
+from visenvs.render.style import BLUE, VERMILLION
 
 TASK = load_task("visenvs/Mapping-v0")
 SIZE = (540, 960, 3)
@@ -84,12 +84,15 @@ def test_truth_is_covered_by_its_lines_where_the_map_is_right():
     record = records[0]
     record["r_V_N"] = 1e4  # out of the way
     n = int(record["edges"])
-    red = (inside(draw(record, config, TASK), SPACE) == VERMILLION).all(axis=2).sum()
+    before = inside(draw(record, config, TASK), SPACE)
     m = record["map"]
     m["alive"][:n], m["x"][:n], m["used"] = 1.0, record["edge"][:n], n
-    frame = inside(draw(record, config, TASK), SPACE)
-    assert (frame == BLUE).all(axis=2).sum() > 200
-    assert (frame == VERMILLION).all(axis=2).sum() < 0.6 * red
+    after = inside(draw(record, config, TASK), SPACE)
+    changed = (before != after).any(axis=2)
+    assert changed.sum() > 500
+    red, blue = (np.abs(after[changed].astype(int) - c).sum(axis=1) for c in (VERMILLION, BLUE))
+    assert np.mean(blue < red) > 0.5
+    assert (before[changed] != (255, 255, 255)).any(axis=1).mean() > 0.95  # on the true edges
 
 
 def test_the_camera_shows_segments_and_the_lines_before_it():
@@ -97,10 +100,13 @@ def test_the_camera_shows_segments_and_the_lines_before_it():
     record = records[-1]
     frame = inside(draw(record, config, TASK), CAMERA)
     assert record["seen"] > 5
-    assert (frame == INK).all(axis=2).sum() > 50
+    record["seen"] = 0.0
+    changed = (frame != inside(draw(record, config, TASK), CAMERA)).any(axis=2)
+    assert changed.sum() > 200
+    assert frame[changed].astype(int).mean() < 150  # ink
     place, C = record["r_V_N"], record["C"]
     ahead = np.array([place + 10.0 * C[0] + C[1], place + 10.0 * C[0] - C[1]])
-    assert projected(ahead, record) == pytest.approx([[0.1, 0.0], [-0.1, 0.0]])
+    assert projected(ahead, record) == pytest.approx(np.array([[0.1, 0.0], [-0.1, 0.0]]))
     through = np.array([place + 10.0 * C[0], place - 10.0 * C[0] + C[1]])
     ends = projected(through, record)
     assert np.isfinite(ends).all() and ends[1, 0] > 0.0

@@ -79,7 +79,7 @@ def test_what_leaves_the_picture_or_passes_the_camera_is_cut_off_there():
 def test_a_box_shows_nine_edges_and_hides_three():
     scene, place = houses((0.0, 0.0)), (20.0, 15.0, -25.0)
     assert scene["edges"] == 12
-    _, seen, _, labels = look(scene, place, (0, 0, -3), hidden=1)
+    _, _, _, labels = look(scene, place, (0, 0, -3), hidden=1)
     ends = scene["edge"][:12].reshape(12, 2, 3)
     far = np.array([-5.0, -4.0, 0.0])  # the corner on the ground that is turned away
     touches = (np.abs(ends - far).sum(axis=2) < 1e-9).any(axis=1)
@@ -132,7 +132,7 @@ def test_what_lies_behind_a_house_is_cut_out_exactly(rise):
 
 def test_a_house_before_another_hides_it_and_not_the_other_way_round():
     scene = houses((8.0, 0.0), (-8.0, 0.0), wall=8.0)
-    C, seen, _, labels = look(scene, (40.0, 0.0, -9.0), (0, 0, -4), hidden=1)
+    _, seen, _, labels = look(scene, (40.0, 0.0, -9.0), (0, 0, -4), hidden=1)
     first, second = labels < 12, labels >= 12
     whole = look(scene, (40.0, 0.0, -9.0), (0, 0, -4), hidden=0)
     assert first.sum() == 7  # the front and the roof's sides, all whole
