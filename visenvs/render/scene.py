@@ -10,6 +10,7 @@ import numpy as np
 from visenvs.core.config import to_record
 from visenvs.core.lanes import Task
 from visenvs.core.outcome import Outcome
+from visenvs.core.pinhole import jacobian, project
 from visenvs.render import style
 from visenvs.render.canvas import Panel, Points
 from visenvs.render.style import Image, head, write
@@ -23,6 +24,7 @@ ENDINGS = {
     Outcome.SUCCESS: ("success", style.GREEN),
     Outcome.MISS: ("miss", style.VERMILLION),
     Outcome.COLLISION: ("collision", style.VERMILLION),
+    Outcome.LOST: ("leader lost", style.VERMILLION),
     Outcome.TIME_LIMIT: ("time limit", style.VERMILLION),
     Outcome.DIVERGED: ("diverged", style.VERMILLION),
 }
@@ -36,6 +38,23 @@ def paper(title: str, plots: dict[str, Box]) -> Image:
     for name, (left, top, _, _) in plots.items():
         head(image, name, (left, top - 8))
     return image
+
+
+def predicted_point(C: Points, r: Points, P: Points, nearest: float) -> tuple[Points, Points]:
+    """Image point of an estimate, (right, up), and its covariance H P H' (2, 2), focal lengths."""
+    H = np.zeros((2, 3))
+    X, y, z = project(C, r, nearest)
+    jacobian(C, X, y, z, H)
+    H[1] = -H[1]
+    return np.array([y, -z]), H @ P @ H.T
+
+
+def close_camera(panel: Panel, seen: bool, half_width: str) -> None:
+    """Write the half width of a camera picture, and draw its border: another one if it is empty."""
+    write(panel.view, half_width, (panel.width - 5, panel.height - 7), 12, style.GREY, "right")
+    if not seen:
+        write(panel.view, "no detection", (panel.width / 2, 22), 13, style.VERMILLION, "middle")
+    panel.border(style.FRAME if seen else style.VERMILLION)
 
 
 def first_record(record: np.void, config: Any, task: Task) -> np.void:
@@ -129,11 +148,11 @@ def draw_figures(
     outcome = Outcome(int(record["outcome"]))
     if outcome in ENDINGS:
         name, colour = ENDINGS[outcome]
-        miss = float(record["miss_distance"])
         chip = Panel(image, left, top + height - 30, width, 30)
         chip.clear(colour)
-        near = outcome in (Outcome.SUCCESS, Outcome.MISS)
-        text = f"{name}: {figures(miss)} m off" if near else name
+        text = name
+        if outcome in (Outcome.SUCCESS, Outcome.MISS) and "miss_distance" in record.dtype.names:
+            text = f"{name}: {figures(float(record['miss_distance']))} m off"
         write(image, text, (left + 10, chip.top + 20), 15, style.WHITE)
 
 
