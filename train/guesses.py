@@ -94,6 +94,17 @@ def place_costs(lanes, settings, out):
 
 
 @kernel
+def map_costs(lanes, settings, out):
+    """Cost to go of a map that stays as it is for a batch of lanes, dimensionless."""
+    s = settings[0]
+    for i in range(lanes.shape[0]):
+        lane = lanes[i]
+        rate = s["w_error"] * lane["map_error"] + s["w_uncertainty"] * lane["map_deviation"]
+        rate += s["w_uncovered"] * (1.0 - lane["coverage"])
+        out[i] = rate * lane["t_go"] / s["t_f"]
+
+
+@kernel
 def herd_costs(lanes, V, settings, out):
     """What the robots that are under way will cost if each is served now and then."""
     for i in range(lanes.shape[0]):

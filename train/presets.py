@@ -107,6 +107,14 @@ PRESETS: dict[tuple[str, Algo], Preset] = {
         validation=100,
         settings={"arena": "kinematic"},
     ),
+    # whole episodes, all of one length: parts of them would teach one phase of the flight at a time
+    ("visenvs/Mapping-v0", "ppo"): Preset(
+        64,
+        ON_POLICY | {"n_steps": 120, "batch_size": 1920, "gamma": 0.97, "gae_lambda": 0.9},
+        {"net_arch": {"pi": [32], "vf": [64, 64]}, "log_std_init": -0.7},
+        residual_scale=0.5,
+        unit=0.02,
+    ),
     ("visenvs/Formation-v0", "ppo"): Preset(
         256,
         ON_POLICY | {"n_steps": 100, "gamma": 0.98, "gae_lambda": 0.8, "batch_size": 3200},

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from visenvs.core.config import Config, field_types, to_record
 from visenvs.core.lanes import Task
 
-from .guesses import herd_guess, passing_costs, place_costs, terminal_costs
+from .guesses import herd_guess, map_costs, passing_costs, place_costs, terminal_costs
 
 Potential = Callable[[NDArray[Any]], NDArray[np.float64]]
 # Each guess with the fields of the lane and the settings that it reads.
@@ -33,6 +33,11 @@ GUESSES: tuple[tuple[tuple[str, ...], tuple[str, ...], Callable[..., None]], ...
         place_costs,
     ),
     (("r_R_N", "heading", "reversal_t", "fate"), ("score_goal", "score_lost"), herd_guess),
+    (
+        ("map_error", "map_deviation", "coverage", "t_go"),
+        ("w_error", "w_uncertainty", "w_uncovered", "t_f"),
+        map_costs,
+    ),
 )
 
 

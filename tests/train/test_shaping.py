@@ -19,10 +19,10 @@ with toys():
 TASKS = ["visenvs/Rendezvous-v0", "visenvs/Tracking2D-v0"]
 
 
-def flying(env, steps=7, **changes):
+def flying(env, steps=7, scenario="random", **changes):
     """Task, configuration, and lanes some steps into their episodes."""
     task = load_task(env)
-    config = override(task.scenarios["random"], changes)
+    config = override(task.scenarios[scenario], changes)
     lanes = Lanes(task, config, 5)
     lanes.reset(range(5))
     rng = np.random.default_rng(2)
@@ -86,6 +86,21 @@ def test_tasks_with_other_costs_have_none():
     bearings = load_task("visenvs/BearingsOnly-v0")
     for task in (CART, bearings):
         assert potential_of(task, next(iter(task.scenarios.values()))) is None
+
+
+def test_a_map_that_stays_as_it_is_has_no_shaped_cost():
+    """What the potential gives back in a step is what the map's terms cost in it."""
+    task, config, lanes = flying("visenvs/Mapping-v0", scenario="town", p_detect=0.0, p_false=0.0)
+    potential = potential_of(task, config)
+    lanes.records["covered"] = 1.0
+    lanes.step(np.zeros((5, 4), np.float32))
+    before = potential(lanes.records)
+    lanes.step(np.zeros((5, 4), np.float32))
+    shaped = lanes.rewards + potential(lanes.records) - before
+    assert shaped == pytest.approx(np.zeros(5), abs=1e-12)
+    assert (before < 0.0).all()
+    lanes.records["map_error"] *= 0.5
+    assert (potential(lanes.records) > before).all()
 
 
 # spheres to pass
