@@ -60,9 +60,7 @@ def wilson(share: float, n: int) -> tuple[float, float]:
 def row(name: str, values: NDArray[Any], paper: float | None = None, **band: float) -> Row:
     """The mean of a figure of every run."""
     ours = values.astype(float)
-    return Row(
-        f"{CASE}/{name}", paper, float(ours.mean()), standard_error(ours), len(ours), **band
-    )
+    return Row(f"{CASE}/{name}", paper, float(ours.mean()), standard_error(ours), len(ours), **band)
 
 
 def rows(episodes: int) -> list[Row]:
