@@ -1,9 +1,9 @@
 """A network that chooses among services of listed things, whatever their order.
 
 Every thing goes through the same small network beside what the row tells once; what comes out is
-pooled over all things, and the same second network turns each thing and the pool into the logits of
-that thing's choices. To list the things in another order puts their logits in that order and changes
-nothing else (permutation equivariance, Zaheer et al. 2017).
+pooled over all things, and a second network turns each thing and the pool into the logits of that
+thing's choices. Another order of the things puts their logits in that order and changes nothing
+else (permutation equivariance, Zaheer et al. 2017).
 """
 
 from __future__ import annotations

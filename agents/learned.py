@@ -60,6 +60,7 @@ class LearnedPolicy:
         self._network = network
         self._task = task
         self._residual = residual
+        self._plain = _is_plain(network)
 
     def predict(
         self,
@@ -73,10 +74,30 @@ class LearnedPolicy:
         if isinstance(choices, Choices):
             allowed = choices.allowed(observation, self._task.observation)
             return self._network.predict(*told, action_masks=allowed)
-        action, state = self._network.predict(*told)
+        if self._plain and deterministic:
+            action = _mean(self._network, observation)
+        else:
+            action, state = self._network.predict(*told)
         if self._residual is not None:
             action = self._residual.combine(observation, action)
         return np.clip(action, -1.0, 1.0), state
+
+
+def _is_plain(network: Any) -> bool:
+    """Whether a network is PPO's actor without memory, whose mean action is one forward pass."""
+    from stable_baselines3.common.policies import ActorCriticPolicy
+
+    return isinstance(network, ActorCriticPolicy) and not hasattr(network, "lstm_actor")
+
+
+def _mean(network: Any, observation: NDArray[Any]) -> Rows:
+    """The mean action, as SB3's `predict` gives it, without its overhead for small networks."""
+    import torch
+
+    with torch.inference_mode():
+        rows = torch.from_numpy(np.ascontiguousarray(observation))
+        features = network.extract_features(rows, network.pi_features_extractor)
+        return network.action_net(network.mlp_extractor.forward_actor(features)).numpy()
 
 
 @dataclass(frozen=True)
@@ -198,7 +219,7 @@ def _architecture(
         name
         for name in weights
         if name.startswith(("features_extractor.", "actor.features_extractor."))
-        and not (algo == "ppo" and name.startswith(SETS))
+        and not (algo == "ppo" and (name.startswith(SETS) or CHOOSING in weights))
     ]
     if extra:
         raise ValueError(
@@ -249,6 +270,8 @@ def _rebuild(arch: Architecture, weights: dict[str, Any], task: Task, path: Path
             "lstm_hidden_size": arch.lstm,
             "enable_critic_lstm": "lstm_critic.weight_ih_l0" in weights,
         }
+    if "log_std" in weights and weights["log_std"].ndim == 2:
+        kwargs["use_sde"] = True  # exploration that depends on the state
     algo = "maskable_ppo" if isinstance(task.action, Choices) else arch.algo
     policy_class = _algorithm_class(algo).policy_aliases[
         "MlpLstmPolicy" if arch.lstm else "MlpPolicy"
@@ -266,9 +289,7 @@ def _spaces(task: Task) -> tuple[Any, Any]:
     return task.observation.space, task.action.space
 
 
-def _fill(
-    policy: Any, weights: dict[str, Any], arch: Architecture, task: Task, path: Path
-) -> Any:
+def _fill(policy: Any, weights: dict[str, Any], arch: Architecture, task: Task, path: Path) -> Any:
     try:
         policy.load_state_dict(weights)
     except RuntimeError as error:

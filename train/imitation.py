@@ -1,4 +1,4 @@
-"""A first guess for a network that chooses: imitate a law, on the states that the network gets into.
+"""A first guess for a network that chooses: imitate a law where the network itself gets to.
 
 Dataset aggregation (Ross, Gordon and Bagnell 2011): first the law flies, then the network does, and
 all the while the law says what it would have chosen.
@@ -17,7 +17,7 @@ from agents.policy import Policy
 
 from .vec_env import LaneVecEnv
 
-ROUNDS = 8  # of gathering and learning; the law flies in the first
+ROUNDS = 5  # of gathering and learning; the law flies in the first
 PASSES = 2  # over all that was gathered, in every round; the last has twice as many
 BATCH = 512
 RATE = 1e-3

@@ -19,7 +19,7 @@ class Preset:
     """How to train one algorithm on one environment.
 
     Attributes:
-        lanes: environments that fly side by side.
+        lanes: environments that fly side by side, agents of all teams counted.
         model: arguments of the SB3 algorithm. Learning rates fall linearly to a twentieth.
         policy: arguments of its policy (`net_arch`, `log_std_init`, ...).
         sets: width of the network that reads what a row lists in any order (PPO only); 0 for none.
@@ -103,18 +103,35 @@ PRESETS: dict[tuple[str, Algo], Preset] = {
         | {"n_steps": 256, "batch_size": 2048, "n_epochs": 3, "gamma": 0.998, "gae_lambda": 0.9}
         | {"learning_rate": 2e-4, "ent_coef": 0.001, "target_kl": 0.02},
         sets=64,
-        imitation=300_000,
-        validation=200,
+        imitation=200_000,
+        validation=100,
         settings={"arena": "kinematic"},
     ),
-    ("visenvs/Avoidance-v0", "ppo"): Preset(
+    ("visenvs/Formation-v0", "ppo"): Preset(
         256,
-        ON_POLICY | {"n_steps": 400, "gae_lambda": 0.97, "batch_size": 6400},
-        SMALL | {"log_std_init": -2.5},
-        sets=64,
-        residual_scale=0.5,
-        reward_floor=-20.0,
-        unit=10.0,
+        ON_POLICY | {"n_steps": 100, "gamma": 0.98, "gae_lambda": 0.8, "batch_size": 3200},
+        SMALL | {"log_std_init": -1.5},
+        reward_floor=-0.1,  # a change of the command is no policy's fault
+        unit=0.02,
+    ),
+    # whole flights of 400 steps; a push held for a second moves the vehicle, noise at every step
+    # only costs (generalised state-dependent exploration, Raffin et al. 2021)
+    ("visenvs/Avoidance-v0", "ppo"): Preset(
+        128,
+        ON_POLICY
+        | {
+            "n_steps": 400,
+            "batch_size": 5120,
+            "n_epochs": 4,
+            "learning_rate": 4e-4,
+            "gamma": 0.998,
+            "use_sde": True,
+            "sde_sample_freq": 20,
+        },
+        {"net_arch": [32, 32], "log_std_init": -3.0},
+        sets=24,
+        residual_scale=0.15,
+        reward_floor=-1.0,
     ),
 }
 

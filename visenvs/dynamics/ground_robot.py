@@ -1,8 +1,8 @@
 """The ground robots of IARC Mission 7: the official firmware's state machine, on wheels that grip.
 
 A robot drives straight at constant speed. Every 20 s it reverses in place, every 5 s it swerves for
-a moment, a bump of its front bumper reverses it, a touch on its top turns it by 45 degrees. Which of
-these goes first is the firmware's order of checks:
+a moment, a bump of its front bumper reverses it, a touch on its top turns it by 45 degrees. Which
+goes first is the firmware's order of checks:
 
     RUN      touch, the 20 s timer, the 5 s timer, bump
     NOISE    touch, end, bump
@@ -149,9 +149,9 @@ def blocked(arena, k, cfg):
         if j != k and arena["fate"][j] == ACTIVE:
             north, east = r[j, 0] - r[k, 0], r[j, 1] - r[k, 1]
             reach = 2.0 * cfg["robot_radius"] + PRESSED
-            if abs(north) < reach and north * ahead + east * right > 0.0:
-                if north * north + east * east < reach * reach:
-                    return True
+            close = north * north + east * east < reach * reach
+            if close and north * ahead + east * right > 0.0:
+                return True
     return arena["bumped"][k] != 0
 
 

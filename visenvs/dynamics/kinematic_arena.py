@@ -84,9 +84,10 @@ def crowded(arena, pads, near, cfg):
             continue
         for j in range(i + 1, CIRCLES):
             north, east = abs(r[j, 0] - r[i, 0]), abs(r[j, 1] - r[i, 1])
-            if fate[j] == ACTIVE and north < reach and east < reach:
-                if math.sqrt(north * north + east * east) < reach - SLOP:
-                    near[i] = near[j] = 1
+            if fate[j] != ACTIVE or north >= reach or east >= reach:
+                continue
+            if math.sqrt(north * north + east * east) < reach - SLOP:
+                near[i] = near[j] = 1
         for m in range(pads.shape[0]):
             north, east = pads[m, 0] - r[i, 0], pads[m, 1] - r[i, 1]
             if pads[m, 2] != 0.0 and math.sqrt(north * north + east * east) < stand - SLOP:

@@ -1,4 +1,4 @@
-"""An aircraft that flies level at one height, lands, and climbs again: position control with limits.
+"""An aircraft that flies level at one height, lands and climbs: position control with limits.
 
 Level flight is a point mass under the paper's position control (IARC section V: PID, at most
 2.13 m/s and 3.05 m/s^2 in any direction). Without wind and drag its integral has nothing to do and

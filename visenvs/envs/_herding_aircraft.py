@@ -80,7 +80,7 @@ def make_way(lane, others, m):
 def approach(lane, others, m, cfg, work):
     """Fly level to where the service begins, and begin to come down there."""
     service, i = lane["service"], lane["target"]
-    serving = service == BLOCK or service == TAP
+    serving = service in (BLOCK, TAP)
     if (serving or service == LOOK) and lane["track_status"][i] == TRACKED:
         kind = BLOCK if service == BLOCK else TAP
         meet(lane, i, kind, lane["delay"], cfg, work["pose"], lane["aim_N"])

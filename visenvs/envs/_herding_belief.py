@@ -117,7 +117,10 @@ def copy_tracks(lane):
     """Write the filters' public figures for the row."""
     bank = lane["bank"]
     for j in range(ROBOTS):
-        lane["track_r_N"][2 * j], lane["track_r_N"][2 * j + 1] = bank["r_N"][j, 0], bank["r_N"][j, 1]
+        lane["track_r_N"][2 * j], lane["track_r_N"][2 * j + 1] = (
+            bank["r_N"][j, 0],
+            bank["r_N"][j, 1],
+        )
         lane["track_sin"][j] = math.sin(bank["heading"][j])
         lane["track_cos"][j] = math.cos(bank["heading"][j])
         lane["track_p_spin"][j], lane["track_phase"][j] = bank["p_spin"][j], bank["phase"][j]

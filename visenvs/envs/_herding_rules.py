@@ -32,7 +32,8 @@ def cross_lines(arena, cfg):
     line = line_of(cfg)
     for k in range(ROBOTS):
         north, east = arena["r_R_N"][k, 0], arena["r_R_N"][k, 1]
-        if arena["fate"][k] != ACTIVE or max(abs(north), abs(east)) < line:
+        out = line <= abs(north) < FAR or line <= abs(east) < FAR
+        if arena["fate"][k] != ACTIVE or not out:
             continue
         touched = arena["touched"][k] != 0
         if north >= line and (touched or cfg["count_only_touched"] != TOUCHED_ONLY):

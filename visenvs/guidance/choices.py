@@ -1,8 +1,8 @@
 """The choices of a herding aircraft, by number: a service of a robot, a look at one or at a place.
 
 The places are the middles of nine equal squares of the arena: whom nobody sees has to be searched
-for. The first is to hover; an aircraft that is busy, coming down or climbing, goes on with that and may
-choose nothing else.
+for. The first is to hover; an aircraft that is busy, coming down or climbing, goes on with that and
+may choose nothing else.
 """
 
 from __future__ import annotations

@@ -113,14 +113,12 @@ def chance(V, pose, turn, phase, left, sd, cfg):
     if sd == 0.0:
         return middle
     right = value(V, north, east, heading + sd, phase, left, cfg)
-    return 0.4 * middle + 0.3 * (
-        right + value(V, north, east, heading - sd, phase, left, cfg)
-    )
+    return 0.4 * middle + 0.3 * (right + value(V, north, east, heading - sd, phase, left, cfg))
 
 
 @kernel
 def gain_of(belief, i, service, delay, V, temper, cfg, pose, aim):
-    """What a service of robot i gains per second: chance after it less without it, over its time."""
+    """What a service of robot i gains: its chance with it less that without it, per second."""
     ahead = meet(belief, i, service, delay, cfg, pose, aim)
     if pose[4] == 0.0 or claimed(belief, aim[0], aim[1]):
         return 0.0

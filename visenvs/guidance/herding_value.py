@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visenvs.core.compile import kernel
-from visenvs.guidance.interception import BLOCK
 
 CELLS = 40  # of the arena, each axis
 HEADINGS = 24
@@ -32,7 +31,7 @@ _tables: dict[bytes, NDArray[np.float32]] = {}
 
 
 def value_table(settings: NDArray[Any]) -> NDArray[np.float32]:
-    """The table of a configuration's record (1,), made once: (periods + 1, parts, x, y, heading)."""
+    """The table of a configuration's record (1,), made once: (periods + 1, parts, x, y, heads)."""
     key = b"".join(settings[name].tobytes() for name in KEY)
     if key not in _tables:
         V = np.zeros((PERIODS + 1, PARTS, CELLS + 1, CELLS + 1, HEADINGS), np.float32)

@@ -1,4 +1,4 @@
-"""The picture of herding: the arena from above with robots and tracks, and the aircraft's camera."""
+"""The picture of herding: the arena from above with robots and tracks, and what the camera sees."""
 
 from __future__ import annotations
 
@@ -110,9 +110,7 @@ def draw_arena(image: Image, record: np.void, config: HerdingConfig, path: Point
         tip = places[k] + 0.55 * ahead(float(record["heading"][k]))
         panel.line(np.array([places[k], tip]), colour, 1)
     for _, at, way, sd in tracks(record):
-        panel.line(
-            panel.ellipse(at, np.eye(2) * sd**2, SIGMAS), style.BLUE, 1, closed=True
-        )
+        panel.line(panel.ellipse(at, np.eye(2) * sd**2, SIGMAS), style.BLUE, 1, closed=True)
         panel.reticle(at, style.BLUE, 1)
         panel.line(np.array([at, at + 0.8 * way]), style.BLUE, 1)
     panel.path(above(path), style.GREY)
@@ -149,7 +147,7 @@ def draw_clocks(image: Image, record: np.void, config: HerdingConfig) -> None:
     write(image, "20 s clocks", (left - HAND, top - 6), 12, style.GREY)
     for i in range(ROBOTS):
         panel = Panel(image, left, top + i * 22, 2 * HAND, 2 * HAND, (0.0, 0.0), HAND)
-        status = float(record["track_status"][i])
+        status = float(np.nan_to_num(record["track_status"][i]))
         colour = style.BLUE if status == 1.0 else style.FRAME
         panel.disc(np.zeros(2), HAND - 1, colour, 1)
         if status == 1.0:
