@@ -8,7 +8,7 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help install leaderboard test check format coverage docs clean
+.PHONY: help install leaderboard test check format coverage docs wheel clean
 
 help: ## show this list
 	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 14
@@ -44,6 +44,12 @@ docs: $(INSTALLED) ## build the documents into build/docs, tutorials executed, w
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
 	PYTHONPATH=$(CURDIR) $(BIN)/python -m sphinx -W --keep-going -q docs build/docs
 	@echo "The documents are $(abspath build/docs/index.html)"
+
+wheel: $(INSTALLED) ## build sdist and wheel into dist, fly every id from the wheel alone
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt build
+	rm -rf dist
+	$(BIN)/python -m build --outdir dist
+	$(BIN)/python -m pytest -m wheel
 
 clean: ## remove .venv and everything else that the targets made
 	rm -rf $(VENV) build dist .coverage .hypothesis .import_linter_cache .pytest_cache .ruff_cache

@@ -165,7 +165,10 @@ def load_network(path: Path, task: Task, trust: bool = False) -> Any:
         algo = "maskable_ppo" if masked else algo
         network = _unpickled(path, algo)
     else:
-        network = _rebuild(_architecture(path, algo, weights, data), weights, task, path)
+        try:
+            network = _rebuild(_architecture(path, algo, weights, data), weights, task, path)
+        except (IndexError, KeyError, TypeError, RuntimeError) as error:
+            raise ValueError(f"{path}: its weights make no network: {error}") from error
     seen = network.observation_space.shape
     if task.frames is not None and len(seen) == 3:
         seen = (*seen[1:], seen[0])  # SB3 puts the channels of pictures first
@@ -201,9 +204,21 @@ def _read_zip(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
             f"({type(error).__name__}: {error}); "
             "expected what `model.save(...)` writes"
         ) from None
-    if not isinstance(data, dict) or not isinstance(weights, dict):
+    if not isinstance(data, dict) or not _is_state(weights):
         raise ValueError(f"{path} is not a stable-baselines3 model: its parts have the wrong types")
     return weights, data
+
+
+def _is_state(weights: Any) -> bool:
+    """Whether these are tensors by name, none of which claims more numbers than the file holds."""
+    import torch
+
+    return isinstance(weights, dict) and all(
+        isinstance(name, str)
+        and isinstance(value, torch.Tensor)
+        and value.numel() * value.element_size() <= value.untyped_storage().nbytes()
+        for name, value in weights.items()
+    )
 
 
 def _algorithm(path: Path, weights: dict[str, Any]) -> str:

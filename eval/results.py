@@ -104,8 +104,11 @@ def load(path: Path) -> Result:
             },
         )
         content.pop("meta")
+        lengths = {len(episodes.outcomes), *(len(v) for v in episodes.metrics.values())}
+        if lengths != {len(episodes.seeds)}:
+            raise ValueError(f"{len(episodes.seeds)} seeds, but lists of {sorted(lengths)}")
         return Result(**content, episodes=episodes)
-    except (KeyError, TypeError, AttributeError) as error:
+    except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
         raise ValueError(
             f"{path} is not a leaderboard result ({error}); delete it and run again"
         ) from error

@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import os
 import tempfile
+import warnings
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -17,9 +18,21 @@ from typing import TYPE_CHECKING, Any, no_type_check
 
 import numba
 from numba.core import config
+from numba.core.caching import FunctionCache
 
 PACKAGE = Path(__file__).resolve().parents[1]
 SETTINGS: Any = config  # Numba fills this module in when it is imported
+
+
+class Kept(FunctionCache):
+    """Numba's cache on disk, but a disk that is full or read-only stops nothing."""
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep what was compiled, or warn."""
+        try:
+            super().save_overload(sig, data)
+        except OSError as error:
+            _warn(str(error.strerror))
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -28,12 +41,18 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     `nogil`, cached on disk, `fastmath` off: results must not depend on how lanes are grouped.
     With `NUMBA_DISABLE_JIT=1` the function stays plain Python.
     """
+    out: Any = numba.njit(nogil=True, error_model="numpy", forceinline=True)(function)
+    if SETTINGS.DISABLE_JIT:
+        return out
     chosen_by_user = SETTINGS.CACHE_DIR
     SETTINGS.CACHE_DIR = chosen_by_user or str(cache_folder())
     try:
-        return numba.njit(cache=True, nogil=True, error_model="numpy", forceinline=True)(function)
+        out._cache = Kept(function)
+    except RuntimeError:  # no folder that Numba knows can be written
+        _warn("no writable folder")
     finally:
         SETTINGS.CACHE_DIR = chosen_by_user
+    return out
 
 
 # Numba types a kernel from what it is called with, so the type checker is told to leave it alone.
@@ -49,6 +68,15 @@ def cache_folder() -> Path:
         if b"@kernel" in text:
             digest.update(path.relative_to(PACKAGE).as_posix().encode() + b"\0" + text)
     return _cache_root() / f"kernels-{digest.hexdigest()[:16]}"
+
+
+def _warn(reason: str) -> None:
+    warnings.warn(
+        f"compiled kernels cannot be kept in {cache_folder()} ({reason}), and are compiled anew "
+        "each time: write `export XDG_CACHE_HOME=FOLDER` with a folder that can be written",
+        RuntimeWarning,
+        stacklevel=2,
+    )
 
 
 def _cache_root() -> Path:
