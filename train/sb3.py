@@ -18,7 +18,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.utils import set_random_seed
 
 from agents import registry
-from agents.learned import Residual, choice_network, digest, set_network
+from agents.learned import Residual, choice_network, digest, read_card, set_network
 from visenvs.core.cli import launch
 from visenvs.core.config import Config, override, pick, to_json
 from visenvs.core.files import read_json, write_json
@@ -203,7 +203,17 @@ def open_run(options: Options, task: Task, scenario: str, config: Config) -> dic
         raise ValueError(
             f"the training in {options.out} {what}; write --out {options.out}-2 for a new one"
         )
+    if not has_card(options.out):  # killed between writing the model and its card
+        run["best"] = None
     return run
+
+
+def has_card(out: Path) -> bool:
+    """Whether the best model in a folder and its card belong together."""
+    try:
+        return bool(read_card(out / "model.zip"))
+    except (OSError, ValueError):
+        return False
 
 
 def build_lanes(

@@ -8,7 +8,8 @@ import signal
 import pytest
 
 from eval import jobs, results, rollout
-from eval.leaderboard import Options, run as evaluate
+from eval.leaderboard import Options
+from eval.leaderboard import run as evaluate
 from eval.shards import fly_shard
 from tests.faults.conftest import FULL
 

@@ -36,6 +36,17 @@ def checkpoint(model, out):
     kept(Half() if len(times) == 2 else model, out)
 callbacks.checkpoint = checkpoint
 """
+WITHOUT_CARD = """
+card, times = sb3.card, []
+def killed(*told):  # the second model is there, its card is not
+    times.append(told)
+    if len(times) == 2:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return card(*told)
+sb3.card = killed
+found, costs = callbacks.validate, iter([3.0, 2.0])
+callbacks.validate = lambda *told: {**found(*told), "cost_mean": next(costs)}
+"""
 SHORT = (
     FULL
     + """
@@ -50,7 +61,11 @@ callbacks.checkpoint = checkpoint
 )
 
 
-@pytest.mark.parametrize("fault, code", [(KILLED, -signal.SIGKILL), (SHORT, 1)])
+@pytest.mark.parametrize(
+    "fault, code",
+    [(KILLED, -signal.SIGKILL), (WITHOUT_CARD, -signal.SIGKILL), (SHORT, 1)],
+    ids=["killed", "killed before the card", "full disk"],
+)
 def test_a_run_that_broke_off_goes_on_from_its_checkpoint(tmp_path, run, fault, code):
     out = tmp_path / "run"
     found, _, err = run(TRAINING + fault + GO, out)
