@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ctypes
 import gc
+import tracemalloc
 from dataclasses import dataclass
 from typing import Any
 
@@ -42,15 +44,23 @@ def run(options: Options) -> None:
 
 
 def growth(env_id: str, resets: int) -> float:
-    """Growth of this process's resident memory in MB, from after the warm-up to the last reset."""
+    """Growth of memory in MB from after the warm-up to the last reset.
+
+    The larger of two: what Python and NumPy have allocated, and this process's resident memory, in
+    which libraries count too.
+    """
     assert visenvs.__version__  # registers the environments
     env = gymnasium.make(env_id)
-    _reset(env, range(max(int(WARM_UP * resets), 1)))
-    before = _resident()
-    _reset(env, range(resets))
-    after = _resident()
+    tracemalloc.start()
+    try:
+        _reset(env, range(max(int(WARM_UP * resets), 1)))
+        before = _used()
+        _reset(env, range(resets))
+        after = _used()
+    finally:
+        tracemalloc.stop()
     env.close()
-    return (after - before) / MB
+    return max(new - old for new, old in zip(after, before, strict=True)) / MB
 
 
 def _reset(env: gymnasium.Env[Any, Any], seeds: range) -> None:
@@ -60,9 +70,12 @@ def _reset(env: gymnasium.Env[Any, Any], seeds: range) -> None:
         env.step(action)
 
 
-def _resident() -> int:
+def _used() -> tuple[int, int]:
+    """Bytes allocated, and resident once the C library has given back what is free."""
     gc.collect()
-    return psutil.Process().memory_info().rss
+    if trim := getattr(ctypes.CDLL(None), "malloc_trim", None):
+        trim(0)
+    return tracemalloc.get_traced_memory()[0], psutil.Process().memory_info().rss
 
 
 if __name__ == "__main__":
