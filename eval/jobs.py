@@ -90,6 +90,7 @@ def plan_scene(
     policies: Sequence[str] | None,
     reference: str | None,
     trust: bool = False,
+    perception: str | None = None,
 ) -> Scene:
     """Load every policy of a scene; a ValueError tells what is unknown or broken.
 
@@ -101,6 +102,7 @@ def plan_scene(
         reference: the policy to compare with, None for the task's own; flown too if it is not among
             the others.
         trust: whether code in model files may run.
+        perception: of every policy, None for the scenario's own.
     """
     task = load_task(env)
     scenario = scenario or next(iter(task.scenarios))
@@ -108,14 +110,17 @@ def plan_scene(
     config = pick(f"scenario of {env}", scenario, task.scenarios)
     if estimator is not None:
         config = override(config, {"estimator": estimator})
+    if perception is not None:
+        config = override(config, {"perception": perception})
     specs = dict.fromkeys([*(registry.names(task) if policies is None else policies), reference])
     jobs = [_job(task, scenario, config, spec, trust) for spec in specs]
-    if estimator is None and _can_be_told_truth(config):
+    if estimator is None and perception is None and _can_be_told_truth(config):
         told = override(config, {"estimator": TRUTH})
         able = [job.policy for job in jobs if job.entry is not None and job.policy in laws()]
         jobs += [_job(task, scenario, told, spec, trust, told_truth=True) for spec in able]
     asides: dict[Job, Job] = {}
-    if task.aside and estimator is None and scenario == next(iter(task.scenarios)):
+    as_shipped = estimator is None and perception is None
+    if task.aside and as_shipped and scenario == next(iter(task.scenarios)):
         there = task.scenarios[task.aside]
         asides = {
             job: _job(task, task.aside, there, job.policy, trust)
@@ -126,19 +131,21 @@ def plan_scene(
 
 
 def fly(
-    jobs: Sequence[Job],
-    seeds: Sequence[int],
+    able: Mapping[Job, Sequence[int]],
     folder: Path,
     made: dict[str, Any],
     progress: Callable[[Job], None],
     where: Workers = LOCAL,
     trust: bool = False,
 ) -> dict[Job, Path]:
-    """Fly every job that can, shard by shard, and save each result as soon as it is there.
+    """Fly jobs shard by shard, and save each result as soon as it is there.
 
     Shards that an earlier evaluation finished before it was broken off are not flown again.
 
     Args:
+        able: the jobs that can fly, each with its seeds.
+        folder: for the results.
+        made: what made them, from `results.meta`.
         progress: called with the job of each shard that is finished.
         where: the backend; results do not depend on it.
 
@@ -148,8 +155,7 @@ def fly(
     Raises:
         KeyboardInterrupt: with a message that says what is finished and what is missing.
     """
-    able = [job for job in jobs if job.entry is not None]
-    book, files = Book(able, seeds, folder / UNFINISHED, trust), dict[Job, Path]()
+    book, files = Book(able, folder / UNFINISHED, trust), dict[Job, Path]()
 
     def finish(job: Job) -> None:
         if (flown := book.whole(job)) is not None:
@@ -175,8 +181,7 @@ class Book:
     """Which shards of which jobs are flown, and which are still to be.
 
     Args:
-        jobs: those that can fly.
-        seeds: of every job.
+        jobs: those that can fly, each with its seeds.
         folder: where finished shards of unfinished jobs are kept.
         trust: whether code in model files may run.
 
@@ -184,16 +189,14 @@ class Book:
         calls: arguments of `fly_shard` for every shard that is not there yet.
     """
 
-    def __init__(
-        self, jobs: Sequence[Job], seeds: Sequence[int], folder: Path, trust: bool
-    ) -> None:
-        self._store, portions = Store(folder), shards(seeds)
+    def __init__(self, jobs: Mapping[Job, Sequence[int]], folder: Path, trust: bool) -> None:
+        self._store = Store(folder)
         self._shards: dict[Job, list[Rollout | None]] = {}
         self._paths: dict[Job, list[Path]] = {}
         self._places: list[tuple[Job, int]] = []
         self.calls: list[tuple[Flight, Sequence[int]]] = []
-        for job in jobs:
-            flight = job.flight(trust)
+        for job, seeds in jobs.items():
+            flight, portions = job.flight(trust), shards(seeds)
             lasting = job.lasting and len(portions) > 1
             paths = [self._store.path(flight, portion) for portion in portions] if lasting else []
             found = [self._store.load(path) for path in paths] or [None] * len(portions)

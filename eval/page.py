@@ -52,6 +52,7 @@ def _section(board: Board) -> dict[str, Any]:
         "env": board.task.id,
         "scenario": board.scenario,
         "summary": board.task.summary,
+        "episodes": max((len(result.episodes.seeds) for _, result in lines), default=0),
         "unit": pretty(board.task.metrics.get(COST, "")),
         "reference": reference and reference[0]["label"],
         "cards": _cards([row for row, _ in lines]),

@@ -7,94 +7,48 @@ the policy flies: what it adds to the return does not depend on the policy (Ng, 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from visenvs.core.compile import kernel
 from visenvs.core.config import Config, field_types, to_record
 from visenvs.core.lanes import Task
-from visenvs.guidance.collision_cone import dot
-from visenvs.guidance.lq import cost_to_go, terminal_weight
 
-LANE = ("r_TV_N", "v_V_N", "t_go")
-SETTINGS = ("s_x", "s_v")
-SCENE = ("r_V_N", "v_V_N", "r_O_N", "v_O_N", "radius", "blocks", "closest")
-PASSING = ("waypoint", "margin", "s_x", "s_violation", "s_divergence")
+from .guesses import herd_guess, passing_costs, place_costs, terminal_costs
+
 Potential = Callable[[NDArray[Any]], NDArray[np.float64]]
-
-
-@kernel
-def terminal_costs(lanes, settings, out):
-    """Least cost to go with perfect information for a batch of lanes, m^2/s^3."""
-    for i in range(lanes.shape[0]):
-        lane, s = lanes[i], settings[0]
-        out[i] = cost_to_go(lane["r_TV_N"], lane["v_V_N"], lane["t_go"], s["s_x"], s["s_v"])
-
-
-@kernel
-def passing_costs(lanes, settings, out):
-    """Guess of the cost to go past spheres to a waypoint for a batch of lanes, m^2/s^3.
-
-    The least cost of each on its own: to reach the waypoint, not to enter a sphere deeper than so
-    far, and not to pass one that blocks the way wider than free of charge. What is charged at the
-    end for spheres that are behind is counted from the moment of their passage.
-    """
-    r, zero, s = np.zeros(3), np.zeros(3), settings[0]
-    for k in range(lanes.shape[0]):
-        lane = lanes[k]
-        v = lane["v_V_N"]
-        for i in range(3):
-            r[i] = s["waypoint"][i] - lane["r_V_N"][i]
-        T = max(r[0] / v[0], 0.0) if v[0] > 0.0 else 0.0
-        for i in range(3):
-            r[i] -= T * v[i]
-        out[k] = cost_to_go(r, zero, T, s["s_x"], 0.0)
-        for j in range(lane["count"]):
-            out[k] += passing_cost(lane, j, s, r, zero)
-
-
-@kernel
-def passing_cost(lane, j, s, X, W):
-    """That of obstacle j alone; X, W: scratch (3,), its place and the velocity relative to it."""
-    for i in range(3):
-        X[i] = lane["r_O_N"][j, i] - lane["r_V_N"][i]
-        W[i] = lane["v_V_N"][i] - lane["v_O_N"][j, i]
-    T = max(dot(X, W) / max(dot(W, W), 1e-9), 0.0)  # until the closest approach
-    for i in range(3):
-        X[i] -= T * W[i]
-        W[i] = 0.0
-    radius, closest = lane["radius"][j], lane["closest"][j]
-    nearest = min(closest, math.sqrt(dot(X, X)))
-    before, after = max(radius - closest, 0.0), max(radius - nearest, 0.0)
-    cost = 0.5 * terminal_weight(T, s["s_violation"], 0.0)[0] * (after * after - before * before)
-    excess = nearest - (1.0 + s["margin"]) * radius
-    if excess > 0.0 and lane["blocks"][j] > 0.0:
-        cost += 0.5 * terminal_weight(T, s["s_divergence"], 0.0)[0] * excess * excess
-    return cost
+# Each guess with the fields of the lane and the settings that it reads.
+GUESSES: tuple[tuple[tuple[str, ...], tuple[str, ...], Callable[..., None]], ...] = (
+    (("r_TV_N", "v_V_N", "t_go"), ("s_x", "s_v"), terminal_costs),
+    (
+        ("r_V_N", "v_V_N", "r_O_N", "v_O_N", "radius", "blocks", "closest"),
+        ("waypoint", "margin", "s_x", "s_violation", "s_divergence"),
+        passing_costs,
+    ),
+    (
+        ("leader", "v_V_N", "heading", "tracking_error", "offset_F", "offset_rate"),
+        ("s_r",),
+        place_costs,
+    ),
+    (("r_R_N", "heading", "reversal_t", "fate"), ("score_goal", "score_lost"), herd_guess),
+)
 
 
 def potential_of(task: Task, config: Config) -> Potential | None:
-    """Minus a guess of the cost to go with perfect information, or None.
-
-    For every task with a terminal cost of position and velocity the least cost (thesis (4.10)), for
-    those with spheres to pass `passing_costs`: the names tell.
-    """
+    """Minus the guess whose names the task's lanes and settings have; None without one."""
     lane, known = set(task.lane.names or ()), set(field_types(type(config)))
-    if set(LANE) <= lane and set(SETTINGS) <= known:
-        costs = terminal_costs
-    elif set(SCENE) <= lane and set(PASSING) <= known:
-        costs = passing_costs
-    else:
-        return None
-    settings = to_record(config)
+    for fields, names, guess in GUESSES:
+        if set(fields) <= lane and set(names) <= known:
+            return _negative(guess, to_record(config))
+    return None
 
+
+def _negative(guess: Callable[..., None], settings: NDArray[Any]) -> Potential:
     def potential(lanes: NDArray[Any]) -> NDArray[np.float64]:
         out = np.zeros(len(lanes))
-        costs(lanes, settings, out)
+        guess(lanes, settings, out)
         return -out
 
     return potential

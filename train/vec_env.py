@@ -51,7 +51,7 @@ class LaneVecEnv(VecEnv):
     ) -> None:
         count, task = len(seeds) * task.team(config), task.under(config)
         self.render_mode = None
-        super().__init__(count, deepcopy(task.observation.space), deepcopy(task.action.space))
+        super().__init__(count, deepcopy(task.space), deepcopy(task.action.space))
         self.lanes = Lanes(task, config, count)
         self._starts = list(seeds)
         self._residual = residual

@@ -41,8 +41,13 @@ class AvoidanceConfig:
         "inverse-ukf"
     )
     # what the filters believe; `told` adds the true places of the obstacles, as no camera could;
-    # `cones` adds what follows from the belief for the way ahead: passages and aiming points
-    observation: Literal["belief", "told", "cones"] = "belief"
+    # `cones` adds what follows from the belief for the way ahead: passages and aiming points;
+    # `pixels` is the camera's picture and nothing else, with a green beacon at the waypoint
+    observation: Literal["belief", "told", "cones", "pixels"] = "belief"
+    # sightings are drawn about the truth, or found in rendered pictures of red balls, which have
+    # no labels: with images the z-test associates, and p_detect, p_false and sigma tell nothing of
+    # the camera
+    perception: Literal["points", "images"] = "points"
     dt: float = 0.05  # control period, s
     lateral: int = 1  # 1: constant speed along x, a_x is ignored; 0: all three axes
     a_max: float = 10.0  # length of the longest acceleration, m/s^2
@@ -70,6 +75,9 @@ class AvoidanceConfig:
     report: Literal["all", "nearest"] = "all"  # what the image processor tells of those in view
     half_width: float = 1.0  # of the square picture, focal lengths (1 is 45 deg), or rad
     min_range: float = 0.5  # nearer (along the optical axis) there is no sighting, m
+    ball: float = 0.5  # radius of what is seen over that of the safety sphere
+    picture: int = 256  # side of a picture that detectors read, pixels
+    frame: int = 64  # and of one that is the observation
     sigma_range: float = 0.0  # noise of an image point is sigma_range / depth, m
     sigma_angle: float = 0.01  # constant noise beside it; of angles: far away, rad
     fade: float = 0.0  # of angles, per metre: their noise is sigma_angle (1 - fade^range)
@@ -134,6 +142,9 @@ class AvoidanceConfig:
             image_every=self.image_every >= 1,
             half_width=self.half_width > 0,
             min_range=self.min_range > 0,
+            ball=0 < self.ball <= 1,
+            picture=32 <= self.picture <= 2048,
+            frame=36 <= self.frame <= 512,
             sigma_range=self.sigma_range >= 0 and self.sigma_range + self.sigma_angle > 0,
             sigma_angle=self.sigma_angle >= 0,
             fade=0 <= self.fade < 1,
@@ -157,6 +168,18 @@ class AvoidanceConfig:
             spread_yz=min(self.spread_yz) >= 0,
         )
         require_scene(self)
+        if "images" in self.perception or "pixels" in self.observation:
+            require_camera(self)
+
+
+def require_camera(config: AvoidanceConfig) -> None:
+    """Raise a ValueError for what no rendered picture can show."""
+    if config.half_width > 2.0 or config.sensor != "image" or config.goal != "known":
+        raise ValueError(
+            f"half_width={config.half_width:g}, sensor={config.sensor!r}, goal={config.goal!r}: "
+            "rendered pictures are of one plane, give image points, and do not show an unknown "
+            "waypoint; write `half_width=1.0, sensor='image', goal='known'`"
+        )
 
 
 def require_scene(config: AvoidanceConfig) -> None:
@@ -256,6 +279,7 @@ def closed_planes(config: Any, centres: Any, radii: Any) -> list[float]:
 MOVING = code(AvoidanceConfig, "estimator", "ekf-moving")
 TRUTH = code(AvoidanceConfig, "estimator", "truth")
 FIXED = code(AvoidanceConfig, "scene", "fixed")
+IMAGES = code(AvoidanceConfig, "perception", "images")
 SEEN = code(AvoidanceConfig, "goal", "seen")
 NEAREST = code(AvoidanceConfig, "report", "nearest")
 CONES = code(AvoidanceConfig, "observation", "cones")

@@ -54,6 +54,7 @@ SIMULATION = replace(
     image_every=6,  # 0.12 s
     report="nearest",
     half_width=math.tan(math.radians(25.0)),
+    ball=0.2,  # red spheres of 20 ft
     sigma_angle=0.01,
     association="ztest",
     ztest_max=3.0,

@@ -19,6 +19,7 @@ of the radius.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -26,7 +27,7 @@ from visenvs.core.compile import kernel
 from visenvs.core.config import to_record
 from visenvs.core.frames import identity
 from visenvs.core.lanes import Task, lane_dtype
-from visenvs.core.layout import Field, Layout
+from visenvs.core.layout import Field, Frames, Layout
 from visenvs.core.noise import uniform
 from visenvs.core.outcome import MISS, RUNNING, SUCCESS, Outcome
 from visenvs.dynamics.point_mass import move, saturate
@@ -117,6 +118,12 @@ ACTION = Layout(
 def step_lane(lane, action, cfg, work):
     """One step: act and move, sense and estimate, score."""
     fly(lane, action, cfg, work["moved"])
+    perceive(lane, cfg, work)
+
+
+@kernel
+def perceive(lane, cfg, work):
+    """The part of a step after the flight: sense and estimate, score."""
     believe(lane, cfg, work)
     tell(lane, cfg, work)
     score(lane, cfg, work)
@@ -125,6 +132,14 @@ def step_lane(lane, action, cfg, work):
 @kernel
 def reset_lane(lane, cfg, work):
     """Start an episode from a zeroed record: place the obstacles, tell the filter, look."""
+    begin(lane, cfg, work)
+    believe(lane, cfg, work)
+    tell(lane, cfg, work)
+
+
+@kernel
+def begin(lane, cfg, work):
+    """The part of a start before the first look: place the obstacles, tell the filter."""
     place(lane, cfg)
     for i in range(3):
         u = uniform(lane["seed"], lane["episode"], PLACE, 0, SPEED + i)
@@ -136,8 +151,6 @@ def reset_lane(lane, cfg, work):
     watch(lane, cfg, work["u"])
     if cfg["prior"] == TOLD and cfg["estimator"] != TRUTH:
         tell_priors(lane, cfg, work)
-    believe(lane, cfg, work)
-    tell(lane, cfg, work)
 
 
 @kernel
@@ -295,6 +308,67 @@ def step_lanes(lanes, actions, config):
             step_lane(lanes[i], actions[i], config[0], work[0])
 
 
+@kernel
+def begin_lanes(lanes, config):
+    """Start every lane given, as far as the first look."""
+    work = np.zeros(1, WORK)
+    identity(work[0]["C"])
+    for i in range(lanes.shape[0]):
+        begin(lanes[i], config[0], work[0])
+
+
+@kernel
+def fly_lanes(lanes, actions, config, moved):
+    """Fly every lane that is running; `moved` receives the displacements (N, m), (n, 3)."""
+    for i in range(lanes.shape[0]):
+        if lanes[i]["outcome"] == RUNNING:
+            fly(lanes[i], actions[i], config[0], moved[i])
+
+
+@kernel
+def take_in(lanes, config, moved, sighted, started):
+    """Go on with every lane that is running from what was found in its picture."""
+    work = np.zeros(1, WORK)
+    w = work[0]
+    identity(w["C"])
+    for i in range(lanes.shape[0]):
+        if lanes[i]["outcome"] == RUNNING:
+            w["found"] = sighted[i]["count"]
+            for j in range(w["found"]):
+                w["labels"][j], w["distance"][j] = (
+                    sighted[i]["labels"][j],
+                    sighted[i]["distance"][j],
+                )
+                w["seen"][j, 0], w["seen"][j, 1] = (
+                    sighted[i]["seen"][j, 0],
+                    sighted[i]["seen"][j, 1],
+                )
+            for j in range(3):
+                w["moved"][j] = moved[i, j]
+            if started:
+                perceive(lanes[i], config[0], w)
+            else:
+                believe(lanes[i], config[0], w)
+                tell(lanes[i], config[0], w)
+
+
+def reset_seeing(lanes: Any, config: Any) -> None:
+    """Start every lane given, with a look at rendered pictures."""
+    from visenvs.envs import _avoidance_images as images
+
+    begin_lanes(lanes, config)
+    take_in(lanes, config, np.zeros((len(lanes), 3)), images.look(lanes, config), False)
+
+
+def step_seeing(lanes: Any, actions: Any, config: Any) -> None:
+    """Advance every lane that is running, with a look at rendered pictures."""
+    from visenvs.envs import _avoidance_images as images
+
+    moved = np.zeros((len(lanes), 3))
+    fly_lanes(lanes, actions, config, moved)
+    take_in(lanes, config, moved, images.look(lanes, config), True)
+
+
 def max_steps(config: AvoidanceConfig) -> int:
     """Only a vehicle that may slow down is ever cut off."""
     return int(longest(to_record(config)[0]))
@@ -307,6 +381,7 @@ TASK = Task(
     lane=LANE,
     observation=OBSERVATION,
     views={"belief": OBSERVATION, "told": TOLD_TOO, "cones": CONE_TOO},
+    pictures={"pixels": Frames("visenvs.envs._avoidance_images:frames", "frame")},
     action=ACTION,
     costs=("cost_control", "cost_violation", "cost_divergence", "cost_miss"),
     metrics={
@@ -321,6 +396,7 @@ TASK = Task(
     },
     reset_lanes=reset_lanes,
     step_lanes=step_lanes,
+    perceptions={"images": (reset_seeing, step_seeing)},
     max_steps=max_steps,
     picture="visenvs.render.avoidance:draw",
     reference="cone-pn",
