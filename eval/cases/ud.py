@@ -37,7 +37,7 @@ def rows(episodes: int) -> list[Row]:
     judged = {"conventional": (None, None), "joseph": (None, 0.0), "ud": (0.0, None)}
     for name, least in three_states().items():
         at = f"{CASE}/single/three-states/{name}/least_eigenvalue"
-        out.append(Row(at, None, least, 0.0, 1, *judged[name]))
+        out.append(Row(at, None, least, 0.0, 3, *judged[name]))
     for sigma in (1e-2, 1e-3, 1e-4):
         for name, lost in broken_frames(np.float32(sigma)).items():
             at = f"{CASE}/single/map/{sigma:g}/{name}/broken_frames"
