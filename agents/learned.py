@@ -166,8 +166,11 @@ def load_network(path: Path, task: Task, trust: bool = False) -> Any:
         network = _unpickled(path, algo)
     else:
         network = _rebuild(_architecture(path, algo, weights, data), weights, task, path)
-    if network.observation_space.shape != task.observation.space.shape:
-        raise _wrong_space(path, task, network.observation_space.shape[0])
+    seen = network.observation_space.shape
+    if task.frames is not None and len(seen) == 3:
+        seen = (*seen[1:], seen[0])  # SB3 puts the channels of pictures first
+    if seen != task.space.shape:
+        raise _wrong_space(path, task, seen[0])
     network.set_training_mode(False)
     return network
 
@@ -270,6 +273,8 @@ def _rebuild(arch: Architecture, weights: dict[str, Any], task: Task, path: Path
             "lstm_hidden_size": arch.lstm,
             "enable_critic_lstm": "lstm_critic.weight_ih_l0" in weights,
         }
+    if "log_std" in weights and weights["log_std"].ndim == 2:
+        kwargs["use_sde"] = True  # exploration that depends on the state
     algo = "maskable_ppo" if isinstance(task.action, Choices) else arch.algo
     policy_class = _algorithm_class(algo).policy_aliases[
         "MlpLstmPolicy" if arch.lstm else "MlpPolicy"

@@ -19,7 +19,7 @@ class Preset:
     """How to train one algorithm on one environment.
 
     Attributes:
-        lanes: environments that fly side by side.
+        lanes: environments that fly side by side, agents of all teams counted.
         model: arguments of the SB3 algorithm. Learning rates fall linearly to a twentieth.
         policy: arguments of its policy (`net_arch`, `log_std_init`, ...).
         sets: width of the network that reads what a row lists in any order (PPO only); 0 for none.
@@ -107,14 +107,39 @@ PRESETS: dict[tuple[str, Algo], Preset] = {
         validation=100,
         settings={"arena": "kinematic"},
     ),
-    ("visenvs/Avoidance-v0", "ppo"): Preset(
-        256,
-        ON_POLICY | {"n_steps": 400, "gae_lambda": 0.97, "batch_size": 6400},
-        SMALL | {"log_std_init": -2.5},
-        sets=64,
+    # whole episodes, all of one length: parts of them would teach one phase of the flight at a time
+    ("visenvs/Mapping-v0", "ppo"): Preset(
+        64,
+        ON_POLICY | {"n_steps": 120, "batch_size": 1920, "gamma": 0.97, "gae_lambda": 0.9},
+        {"net_arch": {"pi": [32], "vf": [64, 64]}, "log_std_init": -0.7},
         residual_scale=0.5,
-        reward_floor=-20.0,
-        unit=10.0,
+        unit=0.02,
+    ),
+    ("visenvs/Formation-v0", "ppo"): Preset(
+        256,
+        ON_POLICY | {"n_steps": 100, "gamma": 0.98, "gae_lambda": 0.8, "batch_size": 3200},
+        SMALL | {"log_std_init": -1.5},
+        reward_floor=-0.1,  # a change of the command is no policy's fault
+        unit=0.02,
+    ),
+    # whole flights of 400 steps; a push held for a second moves the vehicle, noise at every step
+    # only costs (generalised state-dependent exploration, Raffin et al. 2021)
+    ("visenvs/Avoidance-v0", "ppo"): Preset(
+        128,
+        ON_POLICY
+        | {
+            "n_steps": 400,
+            "batch_size": 5120,
+            "n_epochs": 4,
+            "learning_rate": 4e-4,
+            "gamma": 0.998,
+            "use_sde": True,
+            "sde_sample_freq": 20,
+        },
+        {"net_arch": [32, 32], "log_std_init": -3.0},
+        sets=24,
+        residual_scale=0.15,
+        reward_floor=-1.0,
     ),
 }
 

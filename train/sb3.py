@@ -59,12 +59,14 @@ class Options:
     """preset of the environment; its default if left out"""
     estimator: str | None = None
     """the filter in the loop; the scenario's if left out"""
+    observation: str | None = None
+    """what the policy sees where there is a choice, such as "pixels"; the scenario's if left out"""
     steps: int = 3_000_000
     """environment steps in total"""
     seed: int = 0
     """of the network, and of the lanes: lane i flies seed * lanes + i"""
     lanes: int | None = None
-    """environments side by side; the preset's if left out"""
+    """environments side by side, teams where agents fly together; the preset's if left out"""
     residual: str | None = None
     """a law that the network corrects, for example osa; a plain network if left out"""
     residual_scale: float | None = None
@@ -82,9 +84,10 @@ def train(options: Options, preset: Preset | None = None) -> None:
     task = load_task(options.env)
     scenario = options.scenario or next(iter(task.scenarios))
     config = pick("scenario", scenario, task.scenarios)
-    if options.estimator is not None:
-        config = override(config, {"estimator": options.estimator})
-    check_action(options, task.under(config))
+    asked = {"estimator": options.estimator, "observation": options.observation}
+    config = override(config, {name: value for name, value in asked.items() if value is not None})
+    task = task.under(config)
+    check_action(options, task)
     preset = preset or preset_for(options.env, options.algo)
     config = override(config, preset.settings)
     run = open_run(options, task, scenario, config)
@@ -207,7 +210,7 @@ def build_lanes(
     options: Options, preset: Preset, task: Task, config: Config, session: int
 ) -> tuple[LaneVecEnv, LaneVecEnv]:
     """Training lanes with shaped rewards, and validation lanes with the bare cost."""
-    count = options.lanes or preset.lanes
+    count = options.lanes or max(preset.lanes // task.team(config), 1)
     if count >= TRAINING_SEEDS:
         raise ValueError(f"there are {TRAINING_SEEDS} training seeds, got {count} lanes")
     first = (options.seed + 37 * session) * count % (TRAINING_SEEDS - count)
@@ -249,7 +252,9 @@ def build_model(options: Options, preset: Preset, lanes: LaneVecEnv) -> BaseAlgo
     settings: dict[str, Any] = preset.model | {"learning_rate": schedule}
     task, policy = lanes.lanes.task, POLICIES.get(options.algo, "MlpPolicy")
     sets: dict[str, Any] = {}
-    if preset.sets and isinstance(task.action, Choices):
+    if task.frames is not None:
+        policy = policy.replace("Mlp", "Cnn")
+    elif preset.sets and isinstance(task.action, Choices):
         policy, sets = choice_network(task, preset.sets)
     elif preset.sets:
         sets = set_network(task.observation, preset.sets)

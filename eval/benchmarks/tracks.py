@@ -7,19 +7,18 @@ differential dynamic programming, all of them evaluated, from no guess.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from visenvs.core.compile import kernel
-from visenvs.core.config import override, to_record
-from visenvs.core.lanes import Lanes
-from visenvs.core.registry import load_task
+from visenvs.core.config import to_record
+from visenvs.dynamics.ground_robot import ACTIVE, ROBOTS, drive_all
+from visenvs.envs._herding_config import HerdingConfig
 from visenvs.estimation import herd
 from visenvs.guidance.ddp import DDPConfig, make_tape
 from visenvs.sensors.ground_camera import FALSE, look
 
+from ..cases._iarc import ARENA
 from ..cases.ddp import SETS, STEPS, all_sets
 from . import Budget, Portion, Row, race, row
 
@@ -28,7 +27,6 @@ WANTS = (
     "tracks/plan at least 83 times the control period's rate (0.6 ms), tracks/picture at least "
     "100 times the camera's"
 )
-ENV_ID = "visenvs/Herding-v0"
 PICTURE, PLAN = "tracks/picture", "tracks/plan"
 CAMERA, CONTROL = "tracks/camera-period", "tracks/control-period"
 SECONDS = 30
@@ -36,7 +34,7 @@ SECONDS = 30
 
 def rows(budget: Budget) -> list[Row]:
     """Both, and the rates that they are compared with."""
-    config: Any = next(iter(load_task(ENV_ID).scenarios.values()))
+    config = HerdingConfig()
     rates = dict(race({PICTURE: pictures(config), PLAN: plans()}, budget))
     rates |= {CAMERA: [1.0 / config.camera_every] * budget.rounds}
     rates |= {CONTROL: [1.0 / DDPConfig().dt] * budget.rounds}
@@ -58,24 +56,27 @@ def take_all(places, active, pose, settings, bank, seen, labels, work):
         herd.step(bank[0], seen, count, pose, cfg["camera_every"], cfg, work[0])
 
 
-def driven(config: Any) -> NDArray[np.float64]:
-    """Where ten robots are at each picture when nobody interferes, m, (pictures, 10, 2)."""
-    changes = {"estimator": "truth", "arena": "kinematic", "dt": config.camera_every}
-    lanes = Lanes(load_task(ENV_ID), override(config, changes), 1)
-    lanes.reset([0])
-    out = []
+def driven(config: HerdingConfig) -> NDArray[np.float64]:
+    """Where ten robots are at each picture if they meet nobody, m, (pictures, 10, 2)."""
+    arena, cfg, out = np.zeros(1, ARENA)[0], to_record(config)[0], []
+    angle = 2.0 * np.pi * np.arange(ROBOTS) / ROBOTS
+    arena["fate"][:ROBOTS], arena["heading"][:ROBOTS] = ACTIVE, angle
+    arena["r_R_N"][:ROBOTS] = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     for _ in range(round(SECONDS / config.camera_every)):
-        lanes.step(np.zeros((1, 1), np.float32))
-        out.append(lanes.records[0]["r_R_N"][: config.robots].copy())
+        for _ in range(round(config.camera_every / config.tick)):
+            drive_all(arena, cfg)
+            arena["tick"] += 1
+            arena["t"] = arena["tick"] * config.tick
+        out.append(arena["r_R_N"][:ROBOTS].copy())
     return np.array(out)
 
 
-def pictures(config: Any) -> Portion:
+def pictures(config: HerdingConfig) -> Portion:
     """Half a minute of pictures, in one compiled loop."""
     places, settings = driven(config), to_record(config)
-    active, pose = np.ones(config.robots), np.array([0.0, 0.0, -config.cruise, 0.0])
+    active, pose = np.ones(ROBOTS), np.array([0.0, 0.0, -config.cruise, 0.0])
     bank, work = np.zeros(1, herd.bank_dtype()), np.zeros(1, herd.work_dtype())
-    seen, labels = np.zeros((config.robots + FALSE, 2)), np.zeros(config.robots + FALSE)
+    seen, labels = np.zeros((ROBOTS + FALSE, 2)), np.zeros(ROBOTS + FALSE)
 
     def portion() -> int:
         take_all(places, active, pose, settings, bank, seen, labels, work)

@@ -67,7 +67,7 @@ def dense(x0: Values, aim: Values, n: int, config: DDPConfig) -> tuple[float, Va
         free, driven = A @ free, A @ driven
         if k < n:
             driven[:, 3 * k : 3 * k + 3] += B
-    plan = np.linalg.solve(H, -f)
+    plan: Values = np.linalg.solve(H, -f).astype(np.float64)
     return float(cost + 0.5 * f @ plan), plan.reshape(n, 3)
 
 
@@ -204,12 +204,12 @@ def rows(episodes: int) -> list[Row]:
 def landing_rows(at: str, kind: int, noise: float, episodes: int) -> list[Row]:
     """Share in the path, cross-track and along-track figures (m), speeds at touchdown (m/s)."""
     landed, judged = landings(kind, noise, episodes), kind == TRACKER
-    hit, cross = in_path(landed), landed["cross"]
+    hit, cross = in_path(landed).astype(float), landed["cross"]
     low, high = (1.0, 0.05) if judged else (None, None)
     bottom = None if high is None else 0.0
     error = standard_error(np.abs(cross))
     out = [
-        Row(f"{at}/in_path", None, float(hit.mean()), standard_error(hit), episodes, low, None),
+        Row(f"{at}/in_path", None, float(hit.mean()), standard_error(hit), episodes, low),
         Row(f"{at}/cross_rms_m", None, rms(cross), error, episodes, bottom, high),
     ]
     for name in ("along", "sink", "level", "t"):

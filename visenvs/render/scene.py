@@ -24,6 +24,7 @@ ENDINGS = {
     Outcome.SUCCESS: ("success", style.GREEN),
     Outcome.MISS: ("miss", style.VERMILLION),
     Outcome.COLLISION: ("collision", style.VERMILLION),
+    Outcome.LOST: ("leader lost", style.VERMILLION),
     Outcome.TIME_LIMIT: ("time limit", style.VERMILLION),
     Outcome.DIVERGED: ("diverged", style.VERMILLION),
 }
@@ -147,11 +148,11 @@ def draw_figures(
     outcome = Outcome(int(record["outcome"]))
     if outcome in ENDINGS:
         name, colour = ENDINGS[outcome]
-        miss = float(record["miss_distance"])
         chip = Panel(image, left, top + height - 30, width, 30)
         chip.clear(colour)
-        near = outcome in (Outcome.SUCCESS, Outcome.MISS)
-        text = f"{name}: {figures(miss)} m off" if near else name
+        text = name
+        if outcome in (Outcome.SUCCESS, Outcome.MISS) and "miss_distance" in record.dtype.names:
+            text = f"{name}: {figures(float(record['miss_distance']))} m off"
         write(image, text, (left + 10, chip.top + 20), 15, style.WHITE)
 
 
