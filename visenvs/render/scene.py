@@ -152,7 +152,8 @@ def draw_figures(
         chip = Panel(image, left, top + height - 30, width, 30)
         chip.clear(colour)
         text = name
-        if outcome in (Outcome.SUCCESS, Outcome.MISS) and "miss_distance" in (record.dtype.names or ()):
+        named = record.dtype.names or ()
+        if outcome in (Outcome.SUCCESS, Outcome.MISS) and "miss_distance" in named:
             text = f"{name}: {figures(float(record['miss_distance']))} m off"
         write(image, text, (left + 10, chip.top + 20), 15, style.WHITE)
 
