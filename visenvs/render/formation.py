@@ -26,7 +26,7 @@ CHASE_VIEW = (520, 66, 240, 200)
 CAMERA = (520, 306, 240, 200)
 STATUS = (790, 66, 154, 440)
 
-BACK = 0.35  # of the height of the top view is behind the follower
+BACK = 0.2  # of the height of the top view is behind the follower
 ARROW_TIME = 1.0  # arrows show the displacement of this time, s
 ROOM = 1.45  # height ahead, in lengths of the longest commanded distance
 PLANES = {"top": np.array([[0.0, 1, 0], [1, 0, 0]]), "chase": np.array([[0.0, 1, 0], [0, 0, -1]])}
