@@ -28,8 +28,9 @@ from visenvs.core.provenance import provenance
 from visenvs.core.registry import load_task
 
 from .callbacks import Keeper, checkpoint
+from .imitate import imitate
 from .presets import Algo, Preset, preset_for
-from .shaping import potential_of
+from .shaping import potential_of, teacher_of
 from .vec_env import LaneVecEnv
 
 ALGORITHMS: dict[str, type[BaseAlgorithm]] = {
@@ -41,6 +42,7 @@ ALGORITHMS: dict[str, type[BaseAlgorithm]] = {
 }
 POLICIES = {"recurrent_ppo": "MlpLstmPolicy"}
 TRAINING_SEEDS = 90_000
+IMITATED = 600  # steps of every lane in a round of imitation
 VALIDATION_SEEDS = range(90_000, 91_000)
 
 
@@ -70,6 +72,8 @@ class Options:
     """how far it may correct, over the longest action; the preset's if left out"""
     validate_every: int = 250_000
     """steps between validations and checkpoints"""
+    imitate: int | None = None
+    """rounds of imitating perfect information before PPO starts; none if left out"""
 
 
 def train(options: Options) -> None:
@@ -98,8 +102,11 @@ def train(options: Options) -> None:
     began, cpu, before = time.time(), time.process_time(), model.num_timesteps
     finished = False
     try:
+        if options.imitate and before == 0:
+            begin_by_imitation(options.imitate, model, lanes, task, config, keeper)
+            before = model.num_timesteps
         model.learn(
-            options.steps - before,
+            max(options.steps - before, 0),
             callback=keeper,
             reset_num_timesteps=False,
             progress_bar=True,
@@ -129,6 +136,17 @@ def train(options: Options) -> None:
         f"try it: python -m eval.leaderboard --env {options.env} "
         f"--policies {task.reference},{options.out / 'model.zip'}"
     )
+
+
+def begin_by_imitation(
+    rounds: int, model: Any, lanes: LaneVecEnv, task: Task, config: Config, keeper: Keeper
+) -> None:
+    """Imitate, count the steps that this took, and keep the result."""
+    teacher = teacher_of(task, config)
+    model.num_timesteps = imitate(model, lanes, teacher, rounds, IMITATED)
+    keeper.init_callback(model)
+    keeper.num_timesteps = model.num_timesteps
+    keeper.keep()
 
 
 def check(options: Options) -> None:

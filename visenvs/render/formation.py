@@ -85,7 +85,7 @@ def picture_scale(config: FormationConfig) -> float:
 
 def into_heading(record: np.void) -> Points:
     """The matrix that turns vectors of N into the follower's heading frame, (3, 3)."""
-    c, s = math.cos(record["heading"]), math.sin(record["heading"])
+    c, s = np.cos(record["heading"]), np.sin(record["heading"])
     return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
