@@ -5,68 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from visenvs.core.config import Config, field_types, to_record
 from visenvs.core.lanes import Task
 from visenvs.core.layout import Choices
-from visenvs.core.registry import Law
+from visenvs.guidance.policy import LawPolicy, lacking
 
-from .policy import Actions, NotApplicable, Rows, State
+from .policy import Actions, Rows, State
 
-
-def lacking(law: Law, task: Task, config: Config) -> list[str]:
-    """What a law needs and the environment does not give; empty where it can fly."""
-    absent = [name for name in law.needs if name not in task.observation.names]
-    absent += [name for name in law.settings if name not in field_types(type(config))]
-    if isinstance(task.action, Choices):
-        absent += ["continuous actions"] if law.limit else []
-    elif law.limit not in {field.unit for field in task.action.fields}:
-        absent.append(f"actions in units of {law.limit}" if law.limit else "choices to make")
-    return absent
-
-
-class LawPolicy:
-    """A guidance law as a policy: row to belief to command to action row.
-
-    Built from the environment's public configuration and layouts only.
-    """
-
-    def __init__(self, law: Law, task: Task, config: Config) -> None:
-        if absent := lacking(law, task, config):
-            raise NotApplicable(
-                f"{law.name} needs {', '.join(absent)}, which {task.id} does not give"
-            )
-        self.law = law
-        self._task = task
-        self._settings = to_record(config)
-        self._limit = float(self._settings[law.limit][0]) if law.limit else 0.0
-        self._memory = law.memory(self._settings[0], task.action.size) if law.memory else 0
-
-    def predict(
-        self,
-        observation: Rows,
-        state: State | None = None,
-        episode_start: NDArray[np.bool_] | None = None,
-        deterministic: bool = True,
-    ) -> tuple[Actions, State | None]:
-        """Commands of the law over the largest one; longer ones keep their direction.
-
-        Of a law that chooses, the numbers of its choices, (n,).
-        """
-        beliefs = self._task.observation.records(observation)
-        commands = np.zeros((len(beliefs), self._task.action.size))
-        if self._memory:
-            if state is None:
-                state = np.zeros((len(beliefs), self._memory))
-            elif episode_start is not None:
-                state[episode_start] = 0.0
-            self.law.decide(beliefs, self._settings, state, commands)
-        else:
-            self.law.decide(beliefs, self._settings, commands)
-        if not self.law.limit:
-            return commands[:, 0].astype(np.int64), state
-        commands /= self._limit
-        length = np.linalg.norm(commands, axis=1, keepdims=True)
-        return (commands / np.maximum(length, 1.0)).astype(np.float32), state
+__all__ = ["LawPolicy", "RandomPolicy", "ZeroPolicy", "lacking"]
 
 
 class ZeroPolicy:

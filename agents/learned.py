@@ -33,6 +33,7 @@ FIRST_LAYER = {
 }
 SETS = "features_extractor.encoder."  # our own, see `sets.py`
 CARD = ("information", "algo", "residual", "steps")  # what is read of it besides its sha256
+RESIDUAL = {"law", "scale"}
 ACTIVATIONS = ("Tanh", "ReLU", "ELU", "LeakyReLU", "SiLU", "GELU")
 
 
@@ -63,6 +64,7 @@ class LearnedPolicy:
         self._network = network
         self._task = task
         self._residual = residual
+        self._plain = _is_plain(network)
 
     def predict(
         self,
@@ -76,10 +78,30 @@ class LearnedPolicy:
         if isinstance(choices, Choices):
             allowed = choices.allowed(observation, self._task.observation)
             return self._network.predict(*told, action_masks=allowed)
-        action, state = self._network.predict(*told)
+        if self._plain and deterministic:
+            action = _mean(self._network, observation)
+        else:
+            action, state = self._network.predict(*told)
         if self._residual is not None:
             action = self._residual.combine(observation, action)
         return np.clip(action, -1.0, 1.0), state
+
+
+def _is_plain(network: Any) -> bool:
+    """Whether a network is PPO's actor without memory, whose mean action is one forward pass."""
+    from stable_baselines3.common.policies import ActorCriticPolicy
+
+    return isinstance(network, ActorCriticPolicy) and not hasattr(network, "lstm_actor")
+
+
+def _mean(network: Any, observation: NDArray[Any]) -> Rows:
+    """The mean action, as SB3's `predict` gives it, without its overhead for small networks."""
+    import torch
+
+    with torch.inference_mode():
+        rows = torch.from_numpy(np.ascontiguousarray(observation))
+        features = network.extract_features(rows, network.pi_features_extractor)
+        return network.action_net(network.mlp_extractor.forward_actor(features)).numpy()
 
 
 @dataclass(frozen=True)
@@ -120,6 +142,11 @@ def read_card(model: Path) -> dict[str, Any]:
         raise ValueError(
             f"{path} does not say {', '.join(lacking)}; expected what `python -m train.sb3` writes"
         )
+    residual = card["residual"]
+    if residual is not None and not (isinstance(residual, dict) and set(residual) == RESIDUAL):
+        raise ValueError(
+            f'{path}: residual must be null or {{"law": NAME, "scale": NUMBER}}, got {residual!r}'
+        )
     return card
 
 
@@ -140,13 +167,22 @@ def load_network(path: Path, task: Task, trust: bool = False) -> Any:
     if trust:
         masked = algo == "ppo" and isinstance(task.action, Choices)
         algo = "maskable_ppo" if masked else algo
-        network = _algorithm_class(algo).load(path, device="cpu").policy
+        network = _unpickled(path, algo)
     else:
         network = _rebuild(_architecture(path, algo, weights, data), weights, task, path)
     if network.observation_space.shape != task.observation.space.shape:
         raise _wrong_space(path, task, network.observation_space.shape[0])
     network.set_training_mode(False)
     return network
+
+
+def _unpickled(path: Path, algo: str) -> Any:
+    try:
+        return _algorithm_class(algo).load(path, device="cpu").policy
+    except Exception as error:  # the file's own code runs
+        raise ValueError(
+            f"{path} cannot be loaded, even with --trust: {type(error).__name__}: {error}"
+        ) from error
 
 
 def _read_zip(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-Rows = NDArray[np.float32]
-Actions = NDArray[Any]  # float32 rows (n, size), or the numbers of choices as integers (n,)
-State = Any
+from visenvs.guidance.policy import Actions, NotApplicable, Rows, State
 
-
-class NotApplicable(ValueError):
-    """This policy cannot fly this environment; the message says why. Tables print `n/a`."""
+__all__ = ["Actions", "NotApplicable", "Policy", "Rows", "State"]
 
 
 class Policy(Protocol):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ from visenvs.core.registry import find_law, laws
 
 from .classical import LawPolicy, RandomPolicy, ZeroPolicy, lacking
 from .learned import LearnedPolicy, Residual, load_network, read_card
-from .policy import Policy
+from .policy import NotApplicable, Policy
 
 PRETRAINED = Path(__file__).resolve().parent / "pretrained"
 BLIND = {
@@ -86,7 +85,7 @@ def load(spec: str, task: Task, config: Config, trust: bool = False) -> Entry:
         name = model.parent.name if model.name == "model.zip" else model.stem
         return _load_model(name or spec, model, task, config, trust)
     if ":" in spec:
-        policy = _factory(spec)(task, config)
+        policy = _made(spec, task, config)
         return Entry(spec, policy, _information(config), "custom", "user's own", config)
     known = names(task)
     raise ValueError(
@@ -126,12 +125,20 @@ def _summary(card: dict[str, Any]) -> str:
     return f"{card['algo']}{on}, {card['steps']:,} steps"
 
 
-def _factory(spec: str) -> Callable[[Task, Config], Policy]:
+def _made(spec: str, task: Task, config: Config) -> Policy:
     module, _, name = spec.rpartition(":")
     try:
-        return getattr(importlib.import_module(module), name)
+        factory = getattr(importlib.import_module(module), name)
     except Exception as error:  # the module runs when it is imported
         raise ValueError(
             f"cannot import {spec!r} ({type(error).__name__}: {error}); "
             "write module:factory, factory(task, config)"
         ) from None
+    try:
+        return factory(task, config)
+    except NotApplicable:
+        raise
+    except Exception as error:
+        raise ValueError(
+            f"policy {spec!r} cannot be made: {type(error).__name__}: {error}"
+        ) from error

@@ -11,9 +11,9 @@ from rich.table import Column, Table
 from visenvs.core.cli import launch
 from visenvs.core.config import pick
 from visenvs.core.files import check_writable, write_json
-from visenvs.core.provenance import provenance
 
-from .benchmarks import Budget, Row, groups
+from .benchmarks import SEEDS, Budget, Row, groups
+from .results import meta
 from .tables import screen
 
 PROGRAM = "eval.benchmark"
@@ -57,7 +57,7 @@ def measure(options: Options, budget: Budget) -> None:
         console.print(f"{name} wants: {group.WANTS}", highlight=False, soft_wrap=True)
     if options.json is not None:
         content = [asdict(row) for group in rows.values() for row in group]
-        write_json(options.json, {"rows": content, "meta": provenance(PROGRAM)})
+        write_json(options.json, {"rows": content, "meta": meta(PROGRAM, SEEDS)})
 
 
 def table(groups: dict[str, list[Row]]) -> Table:

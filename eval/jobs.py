@@ -126,19 +126,21 @@ def plan_scene(
 
 
 def fly(
-    jobs: Sequence[Job],
-    seeds: Sequence[int],
+    able: Mapping[Job, Sequence[int]],
     folder: Path,
     made: dict[str, Any],
     progress: Callable[[Job], None],
     where: Workers = LOCAL,
     trust: bool = False,
 ) -> dict[Job, Path]:
-    """Fly every job that can, shard by shard, and save each result as soon as it is there.
+    """Fly jobs shard by shard, and save each result as soon as it is there.
 
     Shards that an earlier evaluation finished before it was broken off are not flown again.
 
     Args:
+        able: the jobs that can fly, each with its seeds.
+        folder: for the results.
+        made: what made them, from `results.meta`.
         progress: called with the job of each shard that is finished.
         where: the backend; results do not depend on it.
 
@@ -148,8 +150,7 @@ def fly(
     Raises:
         KeyboardInterrupt: with a message that says what is finished and what is missing.
     """
-    able = [job for job in jobs if job.entry is not None]
-    book, files = Book(able, seeds, folder / UNFINISHED, trust), dict[Job, Path]()
+    book, files = Book(able, folder / UNFINISHED, trust), dict[Job, Path]()
 
     def finish(job: Job) -> None:
         if (flown := book.whole(job)) is not None:
@@ -175,8 +176,7 @@ class Book:
     """Which shards of which jobs are flown, and which are still to be.
 
     Args:
-        jobs: those that can fly.
-        seeds: of every job.
+        jobs: those that can fly, each with its seeds.
         folder: where finished shards of unfinished jobs are kept.
         trust: whether code in model files may run.
 
@@ -184,16 +184,14 @@ class Book:
         calls: arguments of `fly_shard` for every shard that is not there yet.
     """
 
-    def __init__(
-        self, jobs: Sequence[Job], seeds: Sequence[int], folder: Path, trust: bool
-    ) -> None:
-        self._store, portions = Store(folder), shards(seeds)
+    def __init__(self, jobs: Mapping[Job, Sequence[int]], folder: Path, trust: bool) -> None:
+        self._store = Store(folder)
         self._shards: dict[Job, list[Rollout | None]] = {}
         self._paths: dict[Job, list[Path]] = {}
         self._places: list[tuple[Job, int]] = []
         self.calls: list[tuple[Flight, Sequence[int]]] = []
-        for job in jobs:
-            flight = job.flight(trust)
+        for job, seeds in jobs.items():
+            flight, portions = job.flight(trust), shards(seeds)
             lasting = job.lasting and len(portions) > 1
             paths = [self._store.path(flight, portion) for portion in portions] if lasting else []
             found = [self._store.load(path) for path in paths] or [None] * len(portions)
@@ -230,12 +228,6 @@ def _job(
         entry = registry.load(spec, task, config, trust=trust)
     except NotApplicable as reason:
         return Job(task, scenario, config, spec, None, str(reason), told_truth)
-    except (ValueError, OSError, ImportError):
-        raise
-    except Exception as error:  # a factory of the user's own
-        raise ValueError(
-            f"policy {spec!r} cannot be made: {type(error).__name__}: {error}"
-        ) from error
     return Job(task, scenario, config, spec, entry, told_truth=told_truth)
 
 

@@ -21,7 +21,7 @@ from visenvs.core.registry import environment_files
 from . import page, results, tables
 from .board import Board, Row, make_board, missing_row, result_row
 from .jobs import Job, Scene, fly, plan_scene
-from .rollout import PUBLIC_SEEDS, public_seeds, shards
+from .rollout import public_seeds, shards
 
 PROGRAM = "eval.leaderboard"
 BLOCK = "leaderboard"  # the marker in Markdown files
@@ -37,8 +37,9 @@ class Options(Workers):
     """Named preset; the environment's first if not given."""
     policies: str | None = None
     """Names, model files or module:factory, separated by commas; the shipped ones if not given."""
-    episodes: int = len(PUBLIC_SEEDS)
-    """How many of the public seeds to fly, from the first on."""
+    episodes: int | None = None
+    """How many of the public seeds to fly, from the first on; what the environment says, 1000 or
+    fewer where episodes are long, if not given."""
     estimator: str | None = None
     """Estimator of every policy; if not given, the scenario's, and the laws again on the truth."""
     reference: str | None = None
@@ -55,13 +56,15 @@ class Options(Workers):
 
 def run(options: Options) -> None:
     """Fly guidance laws and learned policies on the same public seeds, and compare them."""
-    seeds = public_seeds(options.episodes)
+    if options.episodes is not None:
+        public_seeds(options.episodes)
     check(options)
     names = None if options.policies is None else _split(options.policies)
     _check_outputs(options)
     scenes = _scenes(options, names)
-    made = results.meta(PROGRAM, seeds)
-    boards = make_boards(scenes, seeds, made, options)
+    most = max(options.episodes or scene.task.episodes for scene in scenes)
+    made = results.meta(PROGRAM, public_seeds(most))
+    boards = make_boards(scenes, made, options)
     written = _write(options, boards, made)
     console = tables.screen()
     for board in boards:
@@ -95,20 +98,22 @@ def _scenes(options: Options, names: Sequence[str] | None) -> list[Scene]:
     return scenes
 
 
-def make_boards(
-    scenes: Sequence[Scene], seeds: Sequence[int], made: dict[str, Any], options: Options
-) -> list[Board]:
+def make_boards(scenes: Sequence[Scene], made: dict[str, Any], options: Options) -> list[Board]:
     """Fly all scenes, keep one file for each policy, and build the boards from those files."""
     jobs = [job for scene in scenes for job in (*scene.jobs, *scene.asides.values())]
     screen = Console(stderr=True)
     with Progress(console=screen, transient=True, disable=not screen.is_terminal) as progress:
-        total = sum(job.entry is not None for job in jobs) * len(shards(seeds))
-        bar = progress.add_task("flying", total=total)
+        able = {
+            job: public_seeds(options.episodes or job.task.episodes)
+            for job in jobs
+            if job.entry is not None
+        }
+        bar = progress.add_task("flying", total=sum(len(shards(seeds)) for seeds in able.values()))
 
         def finished(job: Job) -> None:
             progress.update(bar, description=f"flying {job}", advance=1)
 
-        files = fly(jobs, seeds, results.RESULTS, made, finished, options, options.trust)
+        files = fly(able, results.RESULTS, made, finished, options, options.trust)
         return [
             _board(scene, files)
             for scene in track(scenes, "statistics", console=screen, transient=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -34,7 +35,11 @@ def render(boards: Sequence[Board], made: dict[str, Any]) -> str:
     template = environment.from_string(TEMPLATE.read_text(encoding="utf-8"))
     sections = [_section(board) for board in boards]
     words = {column.title: column.help for board in boards for column in columns_of(board)}
-    return template.render(sections=sections, words=words, made=made)
+    kinds = {
+        name: sorted({row[name] for section in sections for row in section["rows"]} - {""})
+        for name in ("information", "perception")
+    }
+    return template.render(sections=sections, words=words, made=made, kinds=kinds)
 
 
 def _section(board: Board) -> dict[str, Any]:
@@ -47,6 +52,7 @@ def _section(board: Board) -> dict[str, Any]:
         "env": board.task.id,
         "scenario": board.scenario,
         "summary": board.task.summary,
+        "episodes": max((len(result.episodes.seeds) for _, result in lines), default=0),
         "unit": pretty(board.task.metrics.get(COST, "")),
         "reference": reference and reference[0]["label"],
         "cards": _cards([row for row, _ in lines]),
@@ -57,7 +63,19 @@ def _section(board: Board) -> dict[str, Any]:
         "curves": _curves(seeing, styles),
         "clouds": _clouds(seeing, reference, styles),
         "config": lines[0][1].config if lines else {},
+        "costs": {row["label"]: _costs(result) for row, result in lines},
     }
+
+
+def _costs(result: Result) -> list[float | None]:
+    """Cost of every seed to five figures, for comparisons on the page; None for infinity."""
+    costs = result.episodes.cost.tolist()
+    return [float(f"{cost:.5g}") if math.isfinite(cost) else None for cost in costs]
+
+
+def _kind(row: Row) -> dict[str, str]:
+    """What the page filters by."""
+    return {"information": row["information"] or "", "perception": row["perception"] or ""}
 
 
 def _styles(board: Board) -> Styles:
@@ -82,8 +100,8 @@ def _table_row(
         main, _, bounds = column.cell(row).partition(" [")
         tone = TONES.get(verdict(row), "") if column.key == "diff_mean" else ""
         cell = {"main": main, "bounds": bounds and f"[{bounds}", "tone": tone}
-        cells.append(cell | {"value": _sortable(row.get(column.key))})
-    return {
+        cells.append(cell | {"value": _sortable(row.get(column.key)), "key": column.key})
+    return _kind(row) | {
         "label": row["label"],
         "summary": result.summary if result else row["reason"],
         "style": _style(row, styles),
@@ -140,7 +158,7 @@ def _bar(row: Row, five: tuple[float, ...], axis: LogAxis, styles: Styles) -> di
         f"mean {figure(row['cost_mean'])} {interval(row['cost_ci'])}, median {texts[2]}, "
         f"middle half {texts[1]} to {texts[3]}, 5th to 95th percentile {texts[0]} to {texts[4]}"
     )
-    return {
+    return _kind(row) | {
         "label": row["label"],
         "style": _style(row, styles),
         "spread": (low, high - low),
@@ -157,7 +175,8 @@ def _curves(lines: Sequence[Line], styles: Styles) -> dict[str, Any]:
     """Share of episodes against cost, a curve for each policy."""
     axis = _shared_axis(lines)
     paths = [
-        {
+        _kind(row)
+        | {
             "label": row["label"],
             "style": _style(row, styles),
             "path": step_path(result.episodes.cost, axis),
@@ -175,7 +194,8 @@ def _clouds(lines: Sequence[Line], reference: Line | None, styles: Styles) -> di
     axis = _shared_axis([reference, *shown])
     across = reference[1].episodes.cost
     panels = [
-        {
+        _kind(row)
+        | {
             "label": row["label"],
             "style": _style(row, styles),
             "better": share(row["prob_improvement"]),

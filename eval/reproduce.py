@@ -14,15 +14,18 @@ from rich.table import Column, Table
 from visenvs.core.cli import launch
 from visenvs.core.config import pick
 from visenvs.core.files import check_writable, write_json
-from visenvs.core.provenance import provenance
+from visenvs.core.parallel import Workers, check, completed
 
+from . import tables
 from .cases import Row, cases
-from .rollout import PUBLIC_SEEDS, public_seeds
-from .tables import screen
+from .results import meta
+from .rollout import public_seeds
+
+PROGRAM = "eval.reproduce"
 
 
 @dataclass(frozen=True)
-class Options:
+class Options(Workers):
     """What to reproduce."""
 
     cases: Annotated[tuple[str, ...], tyro.conf.Positional] = ()
@@ -37,29 +40,40 @@ class Options:
 
 def main(options: Options) -> None:
     """Print the papers' figures beside ours, with standard errors and a verdict."""
-    public_seeds(options.episodes)
+    seeds = public_seeds(options.episodes)
+    check(options)
     if options.json is not None:
         check_writable(options.json)
     if options.plots is not None:
         check_writable(options.plots / "any")
     known = cases()
-    chosen = {name: pick("case", name, known) for name in options.cases or known}
-    rows: list[Row] = []
-    for case in track(chosen.values(), "flying", transient=True, console=Console(stderr=True)):
-        rows += case.rows(options.episodes)
-        if options.plots is not None and hasattr(case, "plot"):
-            print(f"written: {case.plot(options.plots, options.episodes)}")
-    screen().print(table(rows))
+    chosen = list(options.cases or known)
+    for name in chosen:
+        pick("case", name, known)
+    calls = [(name, options.episodes, options.plots) for name in chosen]
+    done = completed(fly, calls, options)
+    found: dict[int, list[Row]] = {}
+    screen = Console(stderr=True)
+    for index, (rows, picture) in track(done, "flying", len(calls), transient=True, console=screen):
+        found[index] = rows
+        if picture is not None:
+            print(f"written: {picture}")
+    rows = [row for index in range(len(calls)) for row in found[index]]
+    tables.screen().print(table(rows))
     if options.json is not None:
-        seeds = {"first": PUBLIC_SEEDS[0], "count": options.episodes}
         content = [{**asdict(row), "ok": row.ok} for row in rows]
-        write_json(
-            options.json,
-            {"rows": content, "meta": {**provenance("eval.reproduce"), "seeds": seeds}},
-        )
+        write_json(options.json, {"rows": content, "meta": meta(PROGRAM, seeds)})
     outside = [row.id for row in rows if row.ok is False]
     if outside:
         raise ValueError(f"outside the accepted band: {', '.join(outside)}")
+
+
+def fly(name: str, episodes: int, plots: Path | None) -> tuple[list[Row], Path | None]:
+    """The rows of a case, and its picture if there is a folder for it."""
+    case = cases()[name]
+    rows = list(case.rows(episodes))
+    drawn = plots is not None and hasattr(case, "plot")
+    return rows, case.plot(plots, episodes) if drawn else None
 
 
 def table(rows: list[Row]) -> Table:
@@ -86,4 +100,4 @@ def _number(value: float | None, absent: str = "") -> str:
 
 
 if __name__ == "__main__":
-    launch("eval.reproduce", Options, main)
+    launch(PROGRAM, Options, main)

@@ -17,7 +17,7 @@ from visenvs.core.layout import Row
 from visenvs.core.outcome import Outcome
 
 PUBLIC_SEEDS = range(100_000, 101_000)
-SHARD = 250  # seeds that fly at once, on every backend
+SHARD = 500  # seeds that fly at once, on every backend
 
 
 @dataclass(frozen=True)

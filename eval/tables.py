@@ -45,10 +45,8 @@ def markdown(board: Board, made: dict[str, Any]) -> str:
         "|---|---|" + "---:|" * (len(columns) - 2),
         *(_markdown_line([column.cell(row) for column in columns]) for row in board.rows),
     ]
-    seeds = made["seeds"]
-    flown = (
-        f"`{board.task.id}`, scenario `{board.scenario}`, seeds {seeds['first']} to {seeds['last']}"
-    )
+    first, count = made["seeds"]["first"], max(row["episodes"] or 0 for row in board.rows)
+    flown = f"`{board.task.id}`, scenario `{board.scenario}`, seeds {first} to {first + count - 1}"
     reference = next((row["diff_to"] for row in board.rows if row["diff_to"]), None)
     against = f"; ΔJ and better on: against {reference}, seed by seed" if reference else ""
     return "\n".join([*lines, "", f"{flown}{against}{_unit(board)}."])

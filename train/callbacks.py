@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,14 +14,9 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
+from visenvs.core.files import replacing
+
 from .vec_env import LaneVecEnv
-
-
-def save_whole(save: Callable[[Path], None], path: Path) -> None:
-    """Save under a temporary name, then rename."""
-    temporary = path.with_name(f".{path.stem}.tmp{path.suffix}")
-    save(temporary)
-    os.replace(temporary, path)
 
 
 class Keeper(BaseCallback):
@@ -70,7 +64,8 @@ class Keeper(BaseCallback):
         for name, value in found.items() if self.n_calls else ():  # before training there is no log
             self.logger.record(f"validation/{name}", value)
         if self.best is None or found["cost_mean"] < self.best["cost_mean"]:
-            save_whole(self.model.save, self._out / "model.zip")
+            with replacing(self._out / "model.zip") as path:
+                self.model.save(path)
             self.best = {**found, "steps": self.num_timesteps}
             self._note(self.best)
         checkpoint(self.model, self._out)
@@ -106,5 +101,7 @@ def validate(model: BaseAlgorithm, lanes: LaneVecEnv) -> dict[str, float]:
 def checkpoint(model: BaseAlgorithm, out: Path) -> None:
     """Everything that is needed to go on: the model and, off policy, its replay buffer."""
     if isinstance(model, OffPolicyAlgorithm):
-        save_whole(model.save_replay_buffer, out / "replay.pkl")
-    save_whole(model.save, out / "checkpoint.zip")
+        with replacing(out / "replay.pkl") as path:
+            model.save_replay_buffer(path)
+    with replacing(out / "checkpoint.zip") as path:
+        model.save(path)

@@ -76,7 +76,7 @@ class Options:
     """rounds of imitating perfect information before PPO starts; none if left out"""
 
 
-def train(options: Options) -> None:
+def train(options: Options, preset: Preset | None = None) -> None:
     """Train a policy with stable-baselines3; the same command goes on with an interrupted run."""
     check(options)
     torch.set_num_threads(1)  # two threads are eight times slower on two cores
@@ -87,7 +87,7 @@ def train(options: Options) -> None:
         config = override(config, {"estimator": options.estimator})
     check_action(options, task.under(config))
     run = open_run(options, task, scenario, config)
-    preset = preset_for(options.env, options.algo)
+    preset = preset or preset_for(options.env, options.algo)
     lanes, validation = build_lanes(options, preset, task, config, run["sessions"])
     model = build_model(options, preset, lanes)
     options.out.mkdir(parents=True, exist_ok=True)

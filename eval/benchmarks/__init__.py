@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from types import ModuleType
 
 ENV_ID = "visenvs/Rendezvous-v0"
+SEEDS = range(1024)  # lane i flies the i-th, in every group
 
 Portion = Callable[[], int]  # does a part of the work, and says how many units that was
 Rates = Mapping[str, list[float]]  # units per CPU second by side, one for each round

@@ -6,7 +6,7 @@ import gymnasium
 
 import visenvs  # noqa: F401  registers the environments
 
-from . import ENV_ID, Budget, Portion, Row, race, row
+from . import ENV_ID, SEEDS, Budget, Portion, Row, race, row
 
 GROUP = "faces"
 WANTS = (
@@ -39,7 +39,7 @@ def single(env_id: str) -> Portion:
     env = gymnasium.make(env_id)
     env.action_space.seed(0)
     actions = [env.action_space.sample() for _ in range(STEPS)]
-    env.reset(seed=0)
+    env.reset(seed=SEEDS[0])
 
     def portion() -> int:
         for action in actions:
@@ -56,7 +56,7 @@ def vector(env_id: str, lanes: int) -> Portion:
     envs = gymnasium.make_vec(env_id, lanes, vectorization_mode="vector_entry_point")
     envs.action_space.seed(0)
     actions = [envs.action_space.sample() for _ in range(STEPS)]
-    envs.reset(seed=0)
+    envs.reset(seed=SEEDS[0])
 
     def portion() -> int:
         for action in actions:

@@ -7,7 +7,7 @@ import numpy as np
 from visenvs.core.lanes import Lanes
 from visenvs.core.registry import load_task
 
-from . import ENV_ID, Budget, Portion, Row, faces, race, row
+from . import ENV_ID, SEEDS, Budget, Portion, Row, faces, race, row
 
 GROUP = "loop"
 WANTS = "at least 300,000 lane-steps per CPU second with 1 lane, 3,000,000 with 1024"
@@ -34,7 +34,7 @@ def loop(count: int) -> Portion:
     lanes = Lanes(task, next(iter(task.scenarios.values())), count)
     shape = (faces.STEPS, count, task.action.size)
     actions = list(np.random.default_rng(0).uniform(-1.0, 1.0, shape).astype(np.float32))
-    lanes.reset(range(count))
+    lanes.reset(SEEDS[:count])
 
     def portion() -> int:
         for action in actions:

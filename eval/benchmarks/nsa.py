@@ -29,7 +29,7 @@ from visenvs.guidance.descent import ITERATIONS, TOLERANCE, best_plan
 from visenvs.guidance.gauss_seidel import swept_plan
 from visenvs.guidance.planner import MEMORY, PLANE, SPACE, begin, cost, gradient, make_tape, prices
 
-from . import Budget, Portion, Row, race, row
+from . import SEEDS, Budget, Portion, Row, race, row
 
 GROUP = "nsa"
 WANTS = (
@@ -202,7 +202,7 @@ def at_the_start(name: str, n: int) -> Problems:
     config = first_scenario(TASKS[name])
     config = override(config, {"t_f": max(config.t_f, n * config.dt)})
     lanes = Lanes(load_task(TASKS[name]), config, LANES)
-    lanes.reset(range(LANES))
+    lanes.reset(SEEDS[:LANES])
     return gather(lanes.records, np.zeros((LANES, n, lanes.task.action.size)), config)
 
 
@@ -213,7 +213,7 @@ def en_route(name: str) -> Problems:
     beliefs: list[NDArray[Any]] = []
     guesses: list[Values] = []
     memory: Any = None
-    lanes.reset(range(LANES))
+    lanes.reset(SEEDS[:LANES])
     for _ in range(MOMENTS):
         actions, memory = policy.predict(lanes.rows, memory)
         lanes.step(actions)

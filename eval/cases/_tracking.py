@@ -63,14 +63,18 @@ def seconds(law: str, episodes: int) -> tuple[NDArray[np.float64], NDArray[np.fl
 
 
 def timing_rows(at: str, law: str, episodes: int, step: float, whole: float) -> list[Row]:
-    """Processing times beside the published ones (s), and the first step's share of the period."""
+    """Processing times beside the published ones (s), and the first step's as two ratios.
+
+    `share_of_period` is over the control period, `over_thesis` over the published time.
+    """
     first, total = seconds(law, min(episodes, TIMED))
     n, period = len(first), vars(scene()[1])["dt"]
-    shares = first / period
+    shares, times = first / period, first / step
     return [
         Row(f"{at}/step_s", step, first.mean(), standard_error(first), n),
         Row(f"{at}/total_s", whole, total.mean(), standard_error(total), n),
         Row(f"{at}/share_of_period", step / period, shares.mean(), standard_error(shares), n),
+        Row(f"{at}/over_thesis", 1.0, times.mean(), standard_error(times), n),
     ]
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from agents.registry import load
+from visenvs.core.files import replacing
 from visenvs.core.lanes import Lanes
 from visenvs.core.units import FOOT
 
@@ -85,5 +86,6 @@ def plot(folder: Path, episodes: int) -> Path:
         axes.legend(fontsize=8)
         axes.grid(alpha=0.3)
     file = folder / f"{CASE}.png"
-    figure.savefig(file, dpi=110)
+    with replacing(file) as temporary:
+        figure.savefig(temporary, dpi=110)
     return file

@@ -243,6 +243,13 @@ class Trap:
         return Path.touch, (Path(self.path),)
 
 
+class Bomb:
+    """Breaks when it is unpickled."""
+
+    def __reduce__(self):
+        return divmod, (1, 0)
+
+
 def encoded(trap):
     """As SB3 keeps what is not JSON."""
     import base64
@@ -400,6 +407,25 @@ def test_a_broken_card_is_refused(file, text, words):
     file.with_name("card.json").write_text(text)
     with pytest.raises(ValueError, match=words):
         load(str(file), TASK, CONFIG)
+
+
+@pytest.mark.parametrize("residual", ["lq", {"law": "lq"}, {"scale": 0.3}, 1, {}])
+def test_a_card_with_half_a_residual_is_refused(file, residual):
+    card = dict(information="belief", algo="ppo", steps=0, residual=residual, sha256=digest(file))
+    file.with_name("card.json").write_text(json.dumps(card))
+    with pytest.raises(ValueError, match=r'residual must be null or \{"law": NAME, "scale": NUM'):
+        load(str(file), TASK, CONFIG)
+
+
+def test_a_trusted_file_that_fails_is_told(tmp_path):
+    """What it needs is not here, or its own code breaks."""
+    path = saved(ppo(net_arch=[4], features_extractor_class=OwnExtractor), tmp_path)
+    with zipfile.ZipFile(path) as archive:
+        data = json.loads(archive.read("data"))
+    data["policy_kwargs"] = encoded(Bomb())
+    armed = rewritten(path, tmp_path / "armed.zip", data=json.dumps(data))
+    with pytest.raises(ValueError, match=r"armed.zip cannot be loaded, even with"):
+        load_network(armed, TASK, trust=True)
 
 
 def test_a_card_that_says_too_little_is_refused(file):

@@ -191,6 +191,19 @@ def test_a_module_that_fails_is_told(module, text, error):
         load(spec, TASK, CONFIG)
 
 
+def test_a_factory_that_fails_is_told_and_one_that_declines_is_heard(module):
+    text = (
+        "from agents.policy import NotApplicable\n"
+        "def clumsy(task, config): return config.no_such_thing\n"
+        "def shy(task, config): raise NotApplicable('needs a map')\n"
+    )
+    name = module(text)
+    with pytest.raises(ValueError, match=f"policy '{name}:clumsy' cannot be made: AttributeError"):
+        load(f"{name}:clumsy", TASK, CONFIG)
+    with pytest.raises(NotApplicable, match="needs a map"):
+        load(f"{name}:shy", TASK, CONFIG)
+
+
 @pytest.mark.parametrize("spec", ["no_such_module:make", ":make", ".near:make", "agents:"])
 def test_a_factory_that_is_not_there_is_told(spec):
     with pytest.raises(ValueError, match=f"cannot import '{spec}'.*write module:factory"):

@@ -164,6 +164,8 @@ def test_the_file_and_the_table_hold_each_row_once(tmp_path, capsys):
     assert len(set(ids)) == len(ids) == 12
     assert content["rows"][0]["reference"] == "faces/cartpole/single"
     assert set(content["rows"][0]) == {"id", "value", "unit", "reference", "ratio"}
+    assert {"versions", "commit", "seeds", "date"} <= set(content["meta"])
+    assert content["meta"]["seeds"] == {"first": 0, "last": 1023, "count": 1024}
     assert content["meta"]["command"].startswith("python -m eval.benchmark")
     shown = capsys.readouterr().out
     assert all(name in shown for name in ids)

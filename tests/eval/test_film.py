@@ -8,11 +8,11 @@ import pytest
 from PIL import Image, ImageSequence
 
 from agents.registry import load
-from eval import film
-from eval.film import Options, fly, run
+from eval.film import Options, run
 from visenvs.core.cli import guarded
 from visenvs.core.files import replacing
 from visenvs.core.registry import load_task
+from visenvs.render import film
 from visenvs.render.rendezvous import draw
 
 ENV = "visenvs/Rendezvous-v0"
@@ -23,7 +23,7 @@ FAST = 50.0  # every 20th of 200 steps, at 25 pictures a second
 
 @pytest.fixture(scope="module")
 def records():
-    return fly(load("lq", TASK, CONFIG).policy, TASK, CONFIG, 5)
+    return film.fly(load("lq", TASK, CONFIG).policy.predict, TASK, CONFIG, 5)
 
 
 def test_an_episode_is_kept_from_its_start_to_its_end(records):

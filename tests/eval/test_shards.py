@@ -17,6 +17,7 @@ POLICIES = "random,lq,ppo-lq"
 @pytest.fixture(autouse=True)
 def small(monkeypatch, tmp_path):
     monkeypatch.setattr(results, "RESULTS", tmp_path / "results")
+    monkeypatch.setattr(rollout, "SHARD", 20)
 
 
 def evaluate(tmp_path, name, **options):
@@ -27,13 +28,13 @@ def evaluate(tmp_path, name, **options):
 
 
 def test_processes_come_to_the_same_as_one(tmp_path):
-    local = evaluate(tmp_path, "local", episodes=260)
-    spread = evaluate(tmp_path, "spread", episodes=260, backend="processes", workers=2)
+    local = evaluate(tmp_path, "local", episodes=30)
+    spread = evaluate(tmp_path, "spread", episodes=30, backend="processes", workers=2)
     assert local == spread
 
 
 def test_an_evaluation_that_was_broken_off_goes_on(tmp_path, monkeypatch):
-    whole = evaluate(tmp_path, "whole", episodes=260)
+    whole = evaluate(tmp_path, "whole", episodes=30)
     made = []
 
     def fragile(flight, seeds):
@@ -44,13 +45,13 @@ def test_an_evaluation_that_was_broken_off_goes_on(tmp_path, monkeypatch):
 
     monkeypatch.setattr(jobs, "fly_shard", fragile)
     with pytest.raises(KeyboardInterrupt, match="1 of 3 finished"):
-        evaluate(tmp_path, "broken", episodes=260)
+        evaluate(tmp_path, "broken", episodes=30)
     kept = list((tmp_path / "results" / jobs.UNFINISHED).iterdir())
     assert len(kept) == 1 and not (tmp_path / "broken.json").exists()
     before = list(made)
     made.clear()
     monkeypatch.setattr(jobs, "fly_shard", lambda *call: made.append(call) or fly_shard(*call))
-    assert evaluate(tmp_path, "again", episodes=260) == whole
+    assert evaluate(tmp_path, "again", episodes=30) == whole
     again = [(flight.policy, seeds[0]) for flight, seeds in made]
     assert (before[2] not in again) and len(again) == 5
     assert not list((tmp_path / "results" / jobs.UNFINISHED).iterdir())
@@ -85,4 +86,3 @@ def test_the_backend_is_checked_before_anything_flies(tmp_path, monkeypatch):
     monkeypatch.setattr(leaderboard, "make_boards", None)
     with pytest.raises(ValueError, match="--workers must be at least 1"):
         run(Options(env=ENV, policies="lq", workers=0))
-    assert rollout.SHARD == 250

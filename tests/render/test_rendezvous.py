@@ -9,8 +9,8 @@ from visenvs.core.config import override
 from visenvs.core.lanes import Lanes
 from visenvs.core.registry import load_task
 from visenvs.render import rendezvous
-from visenvs.render.rendezvous import draw, predicted_point
-from visenvs.render.scene import figures
+from visenvs.render.rendezvous import draw
+from visenvs.render.scene import figures, predicted_point
 from visenvs.render.style import GREEN, MIDDLE_BLUE, PALE_BLUE, VERMILLION, WHITE
 
 TASK = load_task("visenvs/Rendezvous-v0")
@@ -173,7 +173,7 @@ def test_the_expected_image_point_is_the_projection_and_its_covariance():
 
     rhat, h = record["rhat_TV_N"], 1e-6
     H = np.column_stack([(project(rhat + e) - project(rhat - e)) / (2 * h) for e in h * np.eye(3)])
-    point, spread = predicted_point(record, CONFIG)
+    point, spread = predicted_point(record["C_CN"], rhat, record["P"], CONFIG.min_range)
     np.testing.assert_allclose(point, project(rhat), atol=1e-12)
     np.testing.assert_allclose(spread, H @ record["P"] @ H.T, rtol=1e-6)
 

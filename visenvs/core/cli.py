@@ -22,6 +22,11 @@ def launch(program: str, options: type[Options], run: Callable[[Options], None])
 
         run(tyro.cli(options, prog=f"python -m {program}", description=run.__doc__))
 
+    finish(command)
+
+
+def finish(command: Callable[[], None]) -> NoReturn:
+    """Run a command and leave with its exit code."""
     sys.exit(guarded(command))
 
 

@@ -46,7 +46,10 @@ def replacing(path: Path) -> Generator[Path]:
 
 
 def write_json(path: Path, content: Any) -> None:
-    """Write plain types as strict JSON, whole or not at all; infinity and NaN become null."""
+    """Write plain types as strict JSON, whole or not at all.
+
+    Infinity and NaN become null, and a class its name.
+    """
     write_text(path, json.dumps(_plain(content), indent=1, allow_nan=False) + "\n")
 
 
@@ -65,6 +68,8 @@ def _plain(content: Any) -> Any:
         return [_plain(value) for value in content]
     if isinstance(content, float) and not math.isfinite(content):
         return None
+    if isinstance(content, type):
+        return content.__name__
     return content
 
 

@@ -59,6 +59,8 @@ class Task:
             with its paper and not for ranking.
         shown: metrics that tables show beside the usual ones, mean and 99th percentile.
         lost_above: cost above which an episode was a disaster; tables show the share of these.
+        episodes: how many public seeds the leaderboard flies unless asked for more or fewer: fewer
+            where an episode is long.
     """
 
     id: str
@@ -80,6 +82,7 @@ class Task:
     aside: str = ""
     shown: tuple[str, ...] = ()
     lost_above: float = math.inf
+    episodes: int = 1000
 
     def under(self, config: Config) -> Task:
         """The card with the observation and the action that a configuration asks for."""

@@ -17,10 +17,11 @@ from visenvs.core.frames import camera_towards, direction, identity
 from visenvs.core.lanes import Task, lane_dtype
 from visenvs.core.layout import Field, Layout
 from visenvs.core.noise import normal, normal_pair, uniform_pair
-from visenvs.core.outcome import MISS, RUNNING, SUCCESS
+from visenvs.core.outcome import RUNNING
 from visenvs.core.units import FOOT
 from visenvs.dynamics.point_mass import fly
-from visenvs.estimation.ekf import factorise, pack_lower, whiten
+from visenvs.envs._terminal import COSTS, METRICS, score
+from visenvs.estimation.ekf import factorise, pack_lower
 from visenvs.estimation.stationary import SCRATCH, predict, update
 from visenvs.estimation.truth import reveal
 from visenvs.sensors.camera import take_image
@@ -158,7 +159,7 @@ def step_lane(lane, action, cfg, work):
     fly(lane, action, cfg, work["u"])
     predict(lane["rhat_TV_N"], lane["P"], work["u"], cfg["q"] * cfg["dt"])
     look(lane, cfg, work)
-    score(lane, cfg, work)
+    score(lane, cfg, work["u"])
 
 
 @kernel
@@ -193,33 +194,6 @@ def look(lane, cfg, work):
             update(rhat, P, C, pixel[0], pixel[1], cfg, lane["innovation"], work["filter"])
     pack_lower(P, lane["chol"])
     factorise(lane["chol"], 3)
-
-
-@kernel
-def score(lane, cfg, work):
-    """Charge the cost (4.2) with (4.36), watch the filter, and end at the terminal time."""
-    steps = round(cfg["t_f"] / cfg["dt"])
-    lane["t_go"] = (steps - lane["step"]) * cfg["dt"]
-    r, v, a, rhat = lane["r_TV_N"], lane["v_V_N"], lane["a_V_N"], lane["rhat_TV_N"]
-    effort = a[0] * a[0] + a[1] * a[1] + a[2] * a[2]
-    lane["cost_control"] = 0.5 * cfg["dt"] * effort
-    lane["control_cost"] += lane["cost_control"]
-    lane["peak_acceleration"] = max(lane["peak_acceleration"], math.sqrt(effort))
-    lane["integrated_acceleration"] += cfg["dt"] * math.sqrt(effort)
-    for i in range(3):
-        work["u"][i] = rhat[i] - r[i]
-    lane["nees"] = whiten(lane["chol"], work["u"], work["u"])
-    lane["nees_mean"] += (lane["nees"] - lane["nees_mean"]) / lane["step"]
-    if lane["step"] >= steps:
-        miss = math.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
-        lane["cost_position"] = 0.5 * cfg["s_x"] * miss * miss
-        lane["cost_velocity"] = 0.5 * cfg["s_v"] * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-        lane["terminal_cost"] = lane["cost_position"] + lane["cost_velocity"]
-        lane["miss_distance"] = miss
-        estimated = math.sqrt(rhat[0] * rhat[0] + rhat[1] * rhat[1] + rhat[2] * rhat[2])
-        lane["range_error_end"] = estimated - miss
-        lane["outcome"] = SUCCESS if miss <= cfg["success_radius"] else MISS
-    lane["total_cost"] = lane["control_cost"] + lane["terminal_cost"]
 
 
 @kernel
@@ -293,17 +267,8 @@ TASK = Task(
     lane=LANE,
     observation=OBSERVATION,
     action=ACTION,
-    costs=("cost_control", "cost_position", "cost_velocity"),
-    metrics={
-        "total_cost": "m^2/s^3",
-        "terminal_cost": "m^2/s^3",
-        "control_cost": "m^2/s^3",
-        "miss_distance": "m",
-        "range_error_end": "m",
-        "nees_mean": "",
-        "peak_acceleration": "m/s^2",
-        "integrated_acceleration": "m/s",
-    },
+    costs=COSTS,
+    metrics=METRICS,
     reset_lanes=reset_lanes,
     step_lanes=step_lanes,
     picture="visenvs.render.rendezvous:draw",

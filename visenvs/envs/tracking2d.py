@@ -17,12 +17,13 @@ from visenvs.core.config import code, require, validate
 from visenvs.core.lanes import Task, lane_dtype
 from visenvs.core.layout import Field, Layout
 from visenvs.core.noise import normal, uniform
-from visenvs.core.outcome import MISS, RUNNING, SUCCESS
+from visenvs.core.outcome import RUNNING
 from visenvs.core.pinhole import pixel_variance
 from visenvs.core.units import FOOT
 from visenvs.dynamics.point_mass import fly
+from visenvs.envs._terminal import COSTS, METRICS, score
 from visenvs.estimation import grid, planar
-from visenvs.estimation.ekf import factorise, pack_lower, whiten
+from visenvs.estimation.ekf import factorise, pack_lower
 from visenvs.estimation.stationary import predict
 from visenvs.estimation.truth import reveal
 from visenvs.sensors.camera import in_view
@@ -243,32 +244,6 @@ def estimate(lane, seen, cfg, work):
 
 
 @kernel
-def score(lane, cfg, error):
-    """Charge the cost (4.67), watch the filter, and end at the terminal time."""
-    steps = round(cfg["t_f"] / cfg["dt"])
-    lane["t_go"] = (steps - lane["step"]) * cfg["dt"]
-    r, v, a, rhat = lane["r_TV_N"], lane["v_V_N"], lane["a_V_N"], lane["rhat_TV_N"]
-    effort = math.hypot(a[0], a[1])
-    lane["cost_control"] = 0.5 * cfg["dt"] * effort * effort
-    lane["control_cost"] += lane["cost_control"]
-    lane["peak_acceleration"] = max(lane["peak_acceleration"], effort)
-    lane["integrated_acceleration"] += cfg["dt"] * effort
-    for i in range(2):
-        error[i] = rhat[i] - r[i]
-    lane["nees"] = whiten(lane["chol"], error, error)
-    lane["nees_mean"] += (lane["nees"] - lane["nees_mean"]) / lane["step"]
-    if lane["step"] >= steps:
-        miss, speed = math.hypot(r[0], r[1]), math.hypot(v[0], v[1])
-        lane["cost_position"] = 0.5 * cfg["s_x"] * miss * miss
-        lane["cost_velocity"] = 0.5 * cfg["s_v"] * speed * speed
-        lane["terminal_cost"] = lane["cost_position"] + lane["cost_velocity"]
-        lane["miss_distance"] = miss
-        lane["range_error_end"] = math.hypot(rhat[0], rhat[1]) - miss
-        lane["outcome"] = SUCCESS if miss <= cfg["success_radius"] else MISS
-    lane["total_cost"] = lane["control_cost"] + lane["terminal_cost"]
-
-
-@kernel
 def reset_lanes(lanes, config):
     """Start every lane given."""
     work = np.zeros(1, WORK)
@@ -293,17 +268,8 @@ TASK = Task(
     observation=BELIEF,
     views={"belief": BELIEF, "raw": RAW},
     action=ACTION,
-    costs=("cost_control", "cost_position", "cost_velocity"),
-    metrics={
-        "total_cost": "m^2/s^3",
-        "terminal_cost": "m^2/s^3",
-        "control_cost": "m^2/s^3",
-        "miss_distance": "m",
-        "range_error_end": "m",
-        "nees_mean": "",
-        "peak_acceleration": "m/s^2",
-        "integrated_acceleration": "m/s",
-    },
+    costs=COSTS,
+    metrics=METRICS,
     reset_lanes=reset_lanes,
     step_lanes=step_lanes,
     picture="visenvs.render.tracking2d:draw",

@@ -10,12 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visenvs.core.lanes import Task
-from visenvs.core.pinhole import jacobian, project
+from visenvs.core.pinhole import project
 from visenvs.envs.avoidance import AvoidanceConfig
-from visenvs.render import style
-from visenvs.render.canvas import NOTHING, Panel, Points
-from visenvs.render.scene import draw_figures, figures, first_record, paper
-from visenvs.render.style import Image, write
+from visenvs.render import legend, style
+from visenvs.render.canvas import Panel, Points
+from visenvs.render.scene import (
+    close_camera,
+    draw_figures,
+    figures,
+    first_record,
+    paper,
+    predicted_point,
+)
+from visenvs.render.style import Image
 
 TOP_VIEW = (44, 66, 708, 206)  # left, top, width, height of the plot, pixels
 SIDE_VIEW = (44, 312, 708, 192)
@@ -59,7 +66,16 @@ def draw(
 def background() -> Image:
     """What no record changes: headings and legend."""
     image = paper("Avoidance", {"Top view": TOP_VIEW, "Side view": SIDE_VIEW, "Camera": CAMERA})
-    draw_legend(image)
+    legend.draw(
+        image,
+        (150, "vehicle", legend.vehicle),
+        (236, "velocity", legend.velocity),
+        (320, "acceleration", legend.acceleration),
+        (436, "waypoint", mark_waypoint),
+        (530, "safety sphere", mark_sphere),
+        (660, "estimate 1σ 3σ", legend.estimate),
+        (796, "measured", legend.measured),
+    )
     return image
 
 
@@ -146,8 +162,8 @@ def draw_camera(image: Image, record: np.void, config: AvoidanceConfig) -> None:
     pixels, C = image_points(record, config), np.eye(3)
     panel.clear(style.WHITE if len(pixels) else style.GRID)
     for r, P, _ in tracks(record):
-        point, spread = predicted_point(r, P, config)
         if r[0] > config.min_range:
+            point, spread = predicted_point(C, r, P, config.min_range)
             panel.fill(panel.ellipse(point, spread, 3.0), style.PALE_BLUE)
             panel.fill(panel.ellipse(point, spread, 1.0), style.MIDDLE_BLUE)
             panel.reticle(point, style.BLUE, 1)
@@ -159,9 +175,7 @@ def draw_camera(image: Image, record: np.void, config: AvoidanceConfig) -> None:
     for pixel in pixels:
         panel.cross(pixel, style.INK)
         panel.pointer(pixel, style.INK)
-    angle = f"±{math.degrees(math.atan(shown)):.0f}°"
-    write(panel.view, angle, (panel.width - 5, panel.height - 7), 12, style.GREY, "right")
-    panel.border(style.FRAME if len(pixels) else style.VERMILLION)
+    close_camera(panel, len(pixels) > 0, f"±{math.degrees(math.atan(shown)):.0f}°")
 
 
 def image_points(record: np.void, config: AvoidanceConfig) -> Points:
@@ -171,15 +185,6 @@ def image_points(record: np.void, config: AvoidanceConfig) -> Points:
         return found
     theta, phi = found.T
     return np.stack([np.tan(theta), np.tan(phi) / np.cos(theta)], axis=1)
-
-
-def predicted_point(r: Points, P: Points, config: AvoidanceConfig) -> tuple[Points, Points]:
-    """Image point of an estimate, (right, up), and its covariance H P H' (2, 2), focal lengths."""
-    H, C = np.zeros((2, 3)), np.eye(3)
-    X, y, z = project(C, r, config.min_range)
-    jacobian(C, X, y, z, H)
-    H[1] = -H[1]
-    return np.array([y, -z]), H @ P @ H.T if r[0] > config.min_range else NOTHING
 
 
 def draw_status(image: Image, record: np.void, config: AvoidanceConfig) -> None:
@@ -199,29 +204,13 @@ def draw_status(image: Image, record: np.void, config: AvoidanceConfig) -> None:
     draw_figures(image, rows, record, config.waypoint[0] / config.velocity[0], STATUS)
 
 
-def draw_legend(image: Image) -> None:
-    """Name the marks along the top."""
-    icons = [Panel(image, left, 12, 26, 24) for left in (150, 236, 320, 436, 530, 660, 796)]
-    names = (
-        "vehicle",
-        "velocity",
-        "acceleration",
-        "waypoint",
-        "safety sphere",
-        "estimate 1σ 3σ",
-        "measured",
-    )
-    icons[0].dart((3.0, 0.0), (1.0, 0.0), style.INK)
-    icons[1].arrow((-11.0, 0.0), (22.0, 0.0), style.INK)
-    icons[2].arrow((-11.0, 0.0), (22.0, 0.0), style.GREEN)
-    icons[3].disc((5.0, 0.0), 4.5, style.GREEN, 2)
-    icons[4].disc((2.0, 0.0), 9.0, style.SAND)
-    icons[4].disc((2.0, 0.0), 9.0, style.VERMILLION, 1)
-    icons[4].disc((2.0, 0.0), 3.0, style.VERMILLION)
-    ellipse = icons[5].ellipse((0.0, 0.0), np.diag([15.0, 10.0]), 3.0)
-    icons[5].fill(ellipse, style.PALE_BLUE)
-    icons[5].line(ellipse, style.BLUE, 1, closed=True)
-    icons[5].reticle((0.0, 0.0), style.BLUE)
-    icons[6].cross((3.0, 0.0), style.INK)
-    for icon, name in zip(icons, names, strict=True):
-        write(image, name, (icon.left + 30, 29), 13, style.GREY)
+def mark_waypoint(icon: Panel) -> None:
+    """A waypoint, for the legend."""
+    icon.disc((5.0, 0.0), 4.5, style.GREEN, 2)
+
+
+def mark_sphere(icon: Panel) -> None:
+    """A safety sphere, for the legend."""
+    icon.disc((2.0, 0.0), 9.0, style.SAND)
+    icon.disc((2.0, 0.0), 9.0, style.VERMILLION, 1)
+    icon.disc((2.0, 0.0), 3.0, style.VERMILLION)

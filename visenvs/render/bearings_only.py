@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from visenvs.core.lanes import Task
 from visenvs.envs.bearings_only import BearingsOnlyConfig
-from visenvs.render import style
+from visenvs.render import legend, style
 from visenvs.render.canvas import Panel, Points
 from visenvs.render.scene import ARROW_TIME, draw_figures, draw_marks, figures, first_record, paper
-from visenvs.render.style import Image, write
+from visenvs.render.style import Image
 
 TOP_VIEW = (60, 66, 690, 440)  # left, top, width, height of the plot, pixels
 STATUS = (774, 66, 170, 440)
@@ -50,7 +50,15 @@ def draw(
 def background() -> Image:
     """What no record changes: headings and legend."""
     image = paper("Bearings only", {"Top view": TOP_VIEW})
-    draw_legend(image)
+    legend.draw(
+        image,
+        (230, "observer", legend.vehicle),
+        (330, "velocity", legend.velocity),
+        (420, "target", legend.target),
+        (500, "estimate, 1σ 3σ", legend.estimate),
+        (640, "estimated velocity", mark_estimated_velocity),
+        (800, "bearing", mark_bearing),
+    )
     return image
 
 
@@ -118,18 +126,11 @@ def draw_status(image: Image, record: np.void, config: BearingsOnlyConfig) -> No
     draw_figures(image, rows, record, config.t_f, STATUS)
 
 
-def draw_legend(image: Image) -> None:
-    """Name the marks along the top."""
-    icons = [Panel(image, left, 12, 26, 24) for left in (230, 330, 420, 500, 640, 800)]
-    names = ("observer", "velocity", "target", "estimate, 1σ 3σ", "estimated velocity", "bearing")
-    icons[0].dart((3.0, 0.0), (1.0, 0.0), style.INK)
-    icons[1].arrow((-11.0, 0.0), (22.0, 0.0), style.INK)
-    icons[2].disc((5.0, 0.0), 4.5, style.VERMILLION)
-    ellipse = icons[3].ellipse((0.0, 0.0), np.diag([15.0, 10.0]), 3.0)
-    icons[3].fill(ellipse, style.PALE_BLUE)
-    icons[3].line(ellipse, style.BLUE, 1, closed=True)
-    icons[3].reticle((0.0, 0.0), style.BLUE)
-    icons[4].arrow((-11.0, 0.0), (22.0, 0.0), style.BLUE)
-    icons[5].line(np.array([[-10.0, -6.0], [10.0, 6.0]]), style.DARK_SAND, 2)
-    for icon, name in zip(icons, names, strict=True):
-        write(image, name, (icon.left + 30, 29), 13, style.GREY)
+def mark_estimated_velocity(icon: Panel) -> None:
+    """An estimated velocity to the right, for the legend."""
+    icon.arrow((-11.0, 0.0), (22.0, 0.0), style.BLUE)
+
+
+def mark_bearing(icon: Panel) -> None:
+    """A measured bearing, for the legend."""
+    icon.line(np.array([[-10.0, -6.0], [10.0, 6.0]]), style.DARK_SAND, 2)

@@ -10,12 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visenvs.core.lanes import Task
-from visenvs.core.pinhole import jacobian, project
+from visenvs.core.pinhole import project
 from visenvs.envs.rendezvous import RendezvousConfig
-from visenvs.render import style
+from visenvs.render import legend, style
 from visenvs.render.canvas import NOTHING, Panel, Points
-from visenvs.render.scene import draw_plane, draw_status, first_record, paper
-from visenvs.render.style import Image, write
+from visenvs.render.scene import (
+    close_camera,
+    draw_plane,
+    draw_status,
+    first_record,
+    paper,
+    predicted_point,
+)
+from visenvs.render.style import Image
 
 TOP_VIEW = (44, 66, 330, 440)  # left, top, width, height of the plot, pixels
 SIDE_VIEW = (422, 66, 330, 440)
@@ -60,7 +67,16 @@ def draw(
 def background() -> Image:
     """What no record changes: headings and legend."""
     image = paper("Rendezvous", {"Top view": TOP_VIEW, "Side view": SIDE_VIEW, "Camera": CAMERA})
-    draw_legend(image)
+    legend.draw(
+        image,
+        (196, "vehicle", legend.vehicle),
+        (284, "velocity", legend.velocity),
+        (374, "acceleration", legend.acceleration),
+        (492, "target", legend.target),
+        (572, "estimate, 1σ 3σ", legend.estimate),
+        (720, "field of view", mark_view),
+        (836, "image point", legend.measured),
+    )
     return image
 
 
@@ -101,7 +117,7 @@ def draw_camera(image: Image, record: np.void, config: RendezvousConfig) -> None
     shown = min(config.half_width, WIDEST)
     panel = Panel(image, *CAMERA, (0.0, 0.0), CAMERA[2] / 2 / shown)
     C, seen = record["C_CN"], bool(record["seen"])
-    point, spread = predicted_point(record, config)
+    point, spread = predicted_point(C, record["rhat_TV_N"], record["P"], config.min_range)
     expected = float(C[0] @ record["rhat_TV_N"]) > 0.0
     wide, narrow = (panel.ellipse(point, spread, n) if expected else NOTHING for n in (3.0, 1.0))
     panel.clear(style.WHITE if seen else style.GRID)
@@ -121,43 +137,9 @@ def draw_camera(image: Image, record: np.void, config: RendezvousConfig) -> None
         pixel = record["pixel"] * (1.0, -1.0)
         panel.cross(pixel, style.INK)
         panel.pointer(pixel, style.INK)
-    angle = f"±{math.degrees(math.atan(shown)):.0f}°"
-    write(panel.view, angle, (panel.width - 5, panel.height - 7), 12, style.GREY, "right")
-    if not seen:
-        write(panel.view, "no detection", (panel.width / 2, 22), 13, style.VERMILLION, "middle")
-    panel.border(style.FRAME if seen else style.VERMILLION)
+    close_camera(panel, seen, f"±{math.degrees(math.atan(shown)):.0f}°")
 
 
-def predicted_point(record: np.void, config: RendezvousConfig) -> tuple[Points, Points]:
-    """Image point of the estimate, (right, up), and its covariance H P H' (2, 2), focal lengths."""
-    H = np.zeros((2, 3))
-    X, y, z = project(record["C_CN"], record["rhat_TV_N"], config.min_range)
-    jacobian(record["C_CN"], X, y, z, H)
-    H[1] = -H[1]
-    return np.array([y, -z]), H @ record["P"] @ H.T
-
-
-def draw_legend(image: Image) -> None:
-    """Name the marks along the top."""
-    icons = [Panel(image, left, 12, 26, 24) for left in (196, 284, 374, 492, 572, 720, 836)]
-    names = (
-        "vehicle",
-        "velocity",
-        "acceleration",
-        "target",
-        "estimate, 1σ 3σ",
-        "field of view",
-        "image point",
-    )
-    icons[0].dart((3.0, 0.0), (1.0, 0.0), style.INK)
-    icons[1].arrow((-11.0, 0.0), (22.0, 0.0), style.INK)
-    icons[2].arrow((-11.0, 0.0), (22.0, 0.0), style.GREEN)
-    icons[3].disc((5.0, 0.0), 4.5, style.VERMILLION)
-    ellipse = icons[4].ellipse((0.0, 0.0), np.diag([15.0, 10.0]), 3.0)
-    icons[4].fill(ellipse, style.PALE_BLUE)
-    icons[4].line(ellipse, style.BLUE, 1, closed=True)
-    icons[4].reticle((0.0, 0.0), style.BLUE)
-    icons[5].fill(icons[5].sector((-9.0, 0.0), (1.0, 0.0), (1.0, 0.5), 20.0), style.DARK_SAND)
-    icons[6].cross((3.0, 0.0), style.INK)
-    for icon, name in zip(icons, names, strict=True):
-        write(image, name, (icon.left + 30, 29), 13, style.GREY)
+def mark_view(icon: Panel) -> None:
+    """A field of view to the right, for the legend."""
+    icon.fill(icon.sector((-9.0, 0.0), (1.0, 0.0), (1.0, 0.5), 20.0), style.DARK_SAND)

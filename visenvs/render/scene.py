@@ -10,6 +10,7 @@ import numpy as np
 from visenvs.core.config import to_record
 from visenvs.core.lanes import Task
 from visenvs.core.outcome import Outcome
+from visenvs.core.pinhole import jacobian, project
 from visenvs.render import style
 from visenvs.render.canvas import Panel, Points
 from visenvs.render.style import Image, head, write
@@ -37,6 +38,23 @@ def paper(title: str, plots: dict[str, Box]) -> Image:
     for name, (left, top, _, _) in plots.items():
         head(image, name, (left, top - 8))
     return image
+
+
+def predicted_point(C: Points, r: Points, P: Points, nearest: float) -> tuple[Points, Points]:
+    """Image point of an estimate, (right, up), and its covariance H P H' (2, 2), focal lengths."""
+    H = np.zeros((2, 3))
+    X, y, z = project(C, r, nearest)
+    jacobian(C, X, y, z, H)
+    H[1] = -H[1]
+    return np.array([y, -z]), H @ P @ H.T
+
+
+def close_camera(panel: Panel, seen: bool, half_width: str) -> None:
+    """Write the half width of a camera picture, and draw its border: another one if it is empty."""
+    write(panel.view, half_width, (panel.width - 5, panel.height - 7), 12, style.GREY, "right")
+    if not seen:
+        write(panel.view, "no detection", (panel.width / 2, 22), 13, style.VERMILLION, "middle")
+    panel.border(style.FRAME if seen else style.VERMILLION)
 
 
 def first_record(record: np.void, config: Any, task: Task) -> np.void:

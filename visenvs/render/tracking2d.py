@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from visenvs.core.lanes import Task
 from visenvs.envs.tracking2d import Tracking2DConfig
-from visenvs.render import style
+from visenvs.render import legend, style
 from visenvs.render.canvas import NOTHING, Panel, Points
-from visenvs.render.scene import draw_plane, draw_status, first_record, paper
-from visenvs.render.style import Image, write
+from visenvs.render.scene import close_camera, draw_plane, draw_status, first_record, paper
+from visenvs.render.style import Image
 
 TOP_VIEW = (44, 66, 708, 300)  # left, top, width, height of the plot, pixels
 RANGE = (44, 414, 708, 90)
@@ -59,7 +59,15 @@ def background() -> Image:
     """What no record changes: headings and legend."""
     belief = "Where the belief puts the target along the axis"
     image = paper("Tracking 2-D", {"Top view": TOP_VIEW, belief: RANGE, "Camera": CAMERA})
-    draw_legend(image)
+    legend.draw(
+        image,
+        (196, "vehicle", legend.vehicle),
+        (284, "velocity", legend.velocity),
+        (374, "acceleration", legend.acceleration),
+        (492, "target", legend.target),
+        (572, "estimate, 1σ 3σ", legend.estimate),
+        (720, "image point", legend.measured),
+    )
     return image
 
 
@@ -117,30 +125,10 @@ def draw_camera(image: Image, record: np.void, config: Tracking2DConfig) -> None
     if seen:
         panel.cross((record["pixel"], 0.0), style.INK)
         panel.pointer((record["pixel"], 0.0), style.INK)
-    write(panel.view, f"±{shown:.2g}", (panel.width - 5, panel.height - 7), 12, style.GREY, "right")
-    if not seen:
-        write(panel.view, "no detection", (panel.width / 2, 22), 13, style.VERMILLION, "middle")
-    panel.border(style.FRAME if seen else style.VERMILLION)
+    close_camera(panel, seen, f"±{shown:.2g}")
 
 
 def strip(middle: float, half: float, height: float) -> Points:
     """Corners of an upright strip about a point of the axis, shape (4, 2)."""
     low, high = middle - half, middle + half
     return np.array([(low, -height), (high, -height), (high, height), (low, height)])
-
-
-def draw_legend(image: Image) -> None:
-    """Name the marks along the top."""
-    icons = [Panel(image, left, 12, 26, 24) for left in (196, 284, 374, 492, 572, 720)]
-    names = ("vehicle", "velocity", "acceleration", "target", "estimate, 1σ 3σ", "image point")
-    icons[0].dart((3.0, 0.0), (1.0, 0.0), style.INK)
-    icons[1].arrow((-11.0, 0.0), (22.0, 0.0), style.INK)
-    icons[2].arrow((-11.0, 0.0), (22.0, 0.0), style.GREEN)
-    icons[3].disc((5.0, 0.0), 4.5, style.VERMILLION)
-    ellipse = icons[4].ellipse((0.0, 0.0), np.diag([15.0, 10.0]), 3.0)
-    icons[4].fill(ellipse, style.PALE_BLUE)
-    icons[4].line(ellipse, style.BLUE, 1, closed=True)
-    icons[4].reticle((0.0, 0.0), style.BLUE)
-    icons[5].cross((3.0, 0.0), style.INK)
-    for icon, name in zip(icons, names, strict=True):
-        write(image, name, (icon.left + 30, 29), 13, style.GREY)
