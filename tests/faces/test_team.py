@@ -152,6 +152,18 @@ def test_agents_act_in_turn_on_one_snapshot():
     assert all(np.array_equal(turns.observe(agent), rows[agent]) for agent in rows)
 
 
+@pytest.mark.parametrize("followers", [1, 5])
+def test_a_team_is_one_picture(followers):
+    env = flight(followers, render_mode="rgb_array")
+    env.reset(seed=2)
+    first = env.render()
+    assert first.dtype == np.uint8 and first.ndim == 3 and first.shape[2] == 3
+    for _ in range(20):
+        env.step(followed(env))
+    assert env.render().shape == first.shape
+    assert (env.render() != first).any()
+
+
 def test_errors_tell_what_to_write():
     env = flight(2)
     with pytest.raises(ResetNeeded, match="no episode has begun"):

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from visenvs.core.lanes import Task
 from visenvs.envs.formation import FormationConfig
-from visenvs.render import style
+from visenvs.render import convoy, style
 from visenvs.render.canvas import Panel, Points
 from visenvs.render.scene import draw_figures, figures, paper
 from visenvs.render.style import Image, write
@@ -33,16 +33,18 @@ PLANES = {"top": np.array([[0.0, 1, 0], [1, 0, 0]]), "chase": np.array([[0.0, 1,
 
 
 def draw(
-    record: np.void, config: FormationConfig, task: Task, trail: NDArray[Any] | None = None
+    record: Any, config: FormationConfig, task: Task, trail: NDArray[Any] | None = None
 ) -> Image:
-    """Draw one lane record, RGB, shape (540, 960, 3).
+    """Draw one lane record, or those of a team, RGB, shape (540, 960, 3).
 
     Args:
-        record: lane record of the task.
+        record: lane record of the task, or an array of them, which `convoy` draws.
         config: its configuration.
         task: its card; unused.
         trail: earlier records of the episode, shape (n,), for the paths flown; None for no paths.
     """
+    if record.ndim:
+        return convoy.draw(record, config, trail)
     image = background().copy()
     past = np.zeros(0, task.lane) if trail is None else np.append(trail, record)
     with np.errstate(invalid="ignore", over="ignore"):  # the last record of a diverged lane
