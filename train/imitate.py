@@ -33,9 +33,11 @@ def imitate(model: PPO, lanes: LaneVecEnv, teacher: Teacher, rounds: int, steps:
     """
     policy: Any = model.policy
     optimiser = torch.optim.Adam(policy.parameters(), lr=RATE)
-    row, kept = lanes.reset(), []
+    row: Any = lanes.reset()
+    kept: list[tuple[Any, Any]] = []
     for left in range(rounds, 0, -1):
-        rows, wanted = [], []
+        rows: list[Any] = []
+        wanted: list[Any] = []
         for _ in range(steps):
             rows.append(row)
             wanted.append(lanes.correction(teacher(lanes.lanes.records)))
