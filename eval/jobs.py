@@ -90,6 +90,7 @@ def plan_scene(
     policies: Sequence[str] | None,
     reference: str | None,
     trust: bool = False,
+    perception: str | None = None,
 ) -> Scene:
     """Load every policy of a scene; a ValueError tells what is unknown or broken.
 
@@ -101,6 +102,7 @@ def plan_scene(
         reference: the policy to compare with, None for the task's own; flown too if it is not among
             the others.
         trust: whether code in model files may run.
+        perception: of every policy, None for the scenario's own.
     """
     task = load_task(env)
     scenario = scenario or next(iter(task.scenarios))
@@ -108,14 +110,17 @@ def plan_scene(
     config = pick(f"scenario of {env}", scenario, task.scenarios)
     if estimator is not None:
         config = override(config, {"estimator": estimator})
+    if perception is not None:
+        config = override(config, {"perception": perception})
     specs = dict.fromkeys([*(registry.names(task) if policies is None else policies), reference])
     jobs = [_job(task, scenario, config, spec, trust) for spec in specs]
-    if estimator is None and _can_be_told_truth(config):
+    if estimator is None and perception is None and _can_be_told_truth(config):
         told = override(config, {"estimator": TRUTH})
         able = [job.policy for job in jobs if job.entry is not None and job.policy in laws()]
         jobs += [_job(task, scenario, told, spec, trust, told_truth=True) for spec in able]
     asides: dict[Job, Job] = {}
-    if task.aside and estimator is None and scenario == next(iter(task.scenarios)):
+    as_shipped = estimator is None and perception is None
+    if task.aside and as_shipped and scenario == next(iter(task.scenarios)):
         there = task.scenarios[task.aside]
         asides = {
             job: _job(task, task.aside, there, job.policy, trust)

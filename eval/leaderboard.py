@@ -42,6 +42,8 @@ class Options(Workers):
     fewer where episodes are long, if not given."""
     estimator: str | None = None
     """Estimator of every policy; if not given, the scenario's, and the laws again on the truth."""
+    perception: str | None = None
+    """How pictures become measurements (points or images); the scenario's if not given."""
     reference: str | None = None
     """Policy that the others are compared with; each environment's own reference if not given."""
     json: Path | None = None
@@ -81,7 +83,7 @@ def _scenes(options: Options, names: Sequence[str] | None) -> list[Scene]:
     errors: list[ValueError] = []
     for env in envs:
         try:
-            scene = plan_scene(env, *asked, options.trust)
+            scene = plan_scene(env, *asked, options.trust, options.perception)
         except ValueError as error:
             errors.append(error)
             continue
@@ -91,7 +93,7 @@ def _scenes(options: Options, names: Sequence[str] | None) -> list[Scene]:
             or all(job.entry for job in scene.jobs if not job.told_truth)
         ):
             scenes.append(scene)
-    if errors and (not scenes or not any(asked)):
+    if errors and (not scenes or not any((*asked, options.perception))):
         raise errors[0]
     if not scenes:
         raise ValueError(f"no environment can be flown by all of {options.policies}; write --env")

@@ -74,7 +74,8 @@ def replace_block(path: Path, name: str, block: str | None) -> None:
 def result_path(folder: Path, result: Result) -> Path:
     """Where `save` puts a result: task/scenario/estimator/policy.json, plain characters only."""
     env = result.env.rpartition("/")[2]
-    return folder / env / result.scenario / result.estimator / f"{_file_name(result.policy)}.json"
+    loop = result.estimator if result.perception == "points" else f"{result.estimator}-images"
+    return folder / env / result.scenario / loop / f"{_file_name(result.policy)}.json"
 
 
 def save(result: Result, folder: Path, made: dict[str, Any]) -> Path:

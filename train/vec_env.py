@@ -33,8 +33,9 @@ class LaneVecEnv(VecEnv):
         potential: shapes the reward as r + potential(after) - potential(before), with 0 at the end
             of an episode; the return changes only by the potential of the start. None for the cost
             as it is.
-        reward_floor: shaped rewards below this are cut off there, m^2/s^3: one lost target in
-            a thousand episodes costs more than all the others and would drown what they teach.
+        reward_floor: shaped rewards below this, or above its opposite, are cut off there, m^2/s^3:
+            one lost target in a thousand episodes costs more than all the others and would drown
+            what they teach. Cut off below alone, to lose and to regain would pay.
         unit: shaped rewards are divided by it, so that values stay about 1.
     """
 
@@ -50,7 +51,7 @@ class LaneVecEnv(VecEnv):
     ) -> None:
         count, task = len(seeds) * task.team(config), task.under(config)
         self.render_mode = None
-        super().__init__(count, deepcopy(task.observation.space), deepcopy(task.action.space))
+        super().__init__(count, deepcopy(task.space), deepcopy(task.action.space))
         self.lanes = Lanes(task, config, count)
         self._starts = list(seeds)
         self._residual = residual
@@ -90,7 +91,7 @@ class LaneVecEnv(VecEnv):
             self._finish(done, infos)
         return (
             self.lanes.rows.copy(),
-            (np.maximum(rewards, self._floor) / self._unit).astype(np.float32),
+            (np.clip(rewards, self._floor, -self._floor) / self._unit).astype(np.float32),
             done,
             infos,
         )

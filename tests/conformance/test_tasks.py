@@ -22,6 +22,8 @@ HIDDEN = {
         ("leader.r_N", "leader.v_N"),
         {"p_lose": 1.0, "p_regain": 0.0, "vision": (0.0, 0.0)},
     ),
+    "visenvs/Herding-v0": (("r_R_N",), {"p_detect": 0.0, "false_detections": 0.0}),
+    "visenvs/Mapping-v0": (("edge",), {"p_detect": 0.0, "p_false": 0.0}),
     "visenvs/Rendezvous-v0": (("r_T_N", "r_TV_N"), {"p_detect": 0.0}),
     "visenvs/BearingsOnly-v0": (("r_TV_N", "v_T_N"), {"p_detect": 0.0}),
     "visenvs/Tracking2D-v0": (("r_T_N", "r_TV_N"), {"p_detect": 0.0}),

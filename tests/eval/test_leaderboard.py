@@ -391,3 +391,11 @@ def test_without_an_environment_those_are_flown_in_which_all_can():
     for names, message in ((["osaa"], "unknown policy 'osaa'"), (["lq", "straight"], "lq|--env")):
         with pytest.raises(ValueError, match=message):
             flown(policies=",".join(names))
+
+
+def test_images_are_flown_when_asked_and_kept_beside_the_points(tmp_path):
+    scene = plan_scene("visenvs/Avoidance-v0", None, None, ["zero"], "zero", perception="images")
+    assert {job.perception for job in scene.jobs} == {"images"}
+    assert not scene.asides
+    with pytest.raises(ValueError, match="has no setting 'perception'"):
+        plan_scene("visenvs/Rendezvous-v0", None, None, ["zero"], "zero", perception="images")

@@ -12,15 +12,17 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from gymnasium.spaces import Box
 from numpy.typing import ArrayLike, NDArray
 
 from visenvs.core.config import Config, to_record
-from visenvs.core.layout import Choices, Layout, Row, Values, float_slots
+from visenvs.core.layout import Choices, Frames, Layout, Row, Values, float_slots
 from visenvs.core.loop import HEADER, begin, begin_chosen, settle, write_rows
 from visenvs.core.outcome import RUNNING, TIME_LIMIT, Outcome
 from visenvs.core.registry import load_task
 
 FLOAT32 = np.dtype(np.float32)
+Phase = Callable[..., None]
 
 
 def lane_dtype(columns: list[Any]) -> np.dtype[Any]:
@@ -49,6 +51,10 @@ class Task:
         picture: "module:function" that draws one lane record, imported when a frame is asked for.
         views: observation layouts by the choices of the configuration's `observation`; empty where
             there is only one.
+        pictures: for some choices of it, the pictures that are observed instead of rows.
+        frames: those that a configuration asks for, None for rows.
+        perceptions: (reset_lanes, step_lanes) to use instead for some choices of the
+            configuration's `perception`.
         modes: the same for `action`, by the configuration's `action_mode`.
         team: from the config, how many lanes make one episode together. Those of a team stand side
             by side, have one seed, and start together; lane i is agent i % team. A lane that has
@@ -76,6 +82,11 @@ class Task:
     max_steps: Callable[[Any], int] = field(default=lambda _config: 0)
     picture: str = field(default="")
     views: Mapping[str, Layout] = field(default_factory=dict[str, Layout])
+    pictures: Mapping[str, Frames] = field(default_factory=dict[str, Frames])
+    frames: Frames | None = None
+    perceptions: Mapping[str, tuple[Phase, Phase]] = field(
+        default_factory=dict[str, tuple["Phase", "Phase"]]
+    )
     modes: Mapping[str, Layout | Choices] = field(default_factory=dict[str, "Layout | Choices"])
     team: Callable[[Any], int] = field(default=lambda _config: 1)
     reference: str = "lq"
@@ -85,12 +96,31 @@ class Task:
     episodes: int = 1000
 
     def under(self, config: Config) -> Task:
-        """The card with the observation and the action that a configuration asks for."""
+        """The card with the observation, action and perception that a configuration asks for."""
         view = self.views.get(getattr(config, "observation", ""), self.observation)
         action = self.modes.get(getattr(config, "action_mode", ""), self.action)
-        if view is self.observation and action is self.action:
+        phases = self.reset_lanes, self.step_lanes
+        seeing = self.perceptions.get(getattr(config, "perception", ""), phases)
+        frames = self.pictures.get(getattr(config, "observation", ""))
+        if frames is not None:
+            frames = replace(frames, side=getattr(config, frames.setting))
+        chosen = view, action, seeing, frames
+        if chosen == (self.observation, self.action, phases, self.frames):
             return self
-        return replace(self, observation=view, action=action)
+        reset, step = seeing
+        return replace(
+            self,
+            observation=view,
+            action=action,
+            reset_lanes=reset,
+            step_lanes=step,
+            frames=frames,
+        )
+
+    @property
+    def space(self) -> Box:
+        """The space of an observation: a row, or a picture."""
+        return self.observation.space if self.frames is None else self.frames.space
 
     @property
     def takes(self) -> str:
@@ -104,7 +134,8 @@ class Lanes:
 
     Attributes:
         records: the whole state, one record per lane; read it by field name.
-        rows: float32 observation of every lane, shape (count, observation.size).
+        rows: observation of every lane: float32, shape (count, observation.size), or pictures,
+            uint8, shape (count, side, side, 3).
         rewards: of the last step, shape (count,).
         terms: minus the cost terms of the last step, whose sums are the rewards, shape
             (count, len(task.costs)).
@@ -119,14 +150,17 @@ class Lanes:
         if count % team:
             raise ValueError(f"{team} lanes of {task.id} fly together, {count} lanes do not divide")
         self.records: NDArray[Any] = np.zeros(count, task.lane)
-        self.rows: Row = np.zeros((count, task.observation.size), np.float32)
+        numbers: Row = np.zeros((count, task.observation.size), np.float32)
+        self.rows: NDArray[Any] = numbers
+        if task.frames is not None:
+            self.rows = np.zeros((count, *task.space.shape), np.uint8)
         self.rewards: Values = np.zeros(count)
         self.terms: Values = np.zeros((count, len(task.costs)))
         self._shape = (count, task.action.size)
         self._record = to_record(config)
         self._slots = task.observation.slots(task.lane)
         self._integers, self._floats = as_integers(self.records), as_floats(self.records)
-        costs, results = float_slots(task.lane, task.costs), (self.terms, self.rewards, self.rows)
+        costs, results = float_slots(task.lane, task.costs), (self.terms, self.rewards, numbers)
         # plain arrays rather than records: a call unpacks them faster
         seen = self._integers, self._floats, costs
         self._settle_with = *seen, self._slots, task.max_steps(config), *results
@@ -173,8 +207,8 @@ class Lanes:
         else:
             lanes["seed"] = np.repeat(checked_seeds(seeds, len(lanes) // self.team), self.team)
         self.task.reset_lanes(lanes, self._record)
-        rows = np.zeros((len(lanes), self.rows.shape[1]), np.float32)
-        write_rows(as_floats(lanes), self._slots, rows)
+        rows = np.zeros((len(lanes), *self.rows.shape[1:]), self.rows.dtype)
+        self._observe(lanes, rows)
         self._integers[chosen] = as_integers(lanes)
         self.rows[chosen] = rows
 
@@ -195,7 +229,10 @@ class Lanes:
         if bad >= 0:
             raise self._refusal(bad, actions[bad].tolist())
         self.task.step_lanes(self.records, actions, self._record)
-        return settle(*self._settle_with)
+        ended = settle(*self._settle_with)
+        if self.task.frames is not None:
+            self._observe(self.records, self.rows)
+        return ended
 
     @property
     def allowed(self) -> NDArray[np.bool_]:
@@ -228,11 +265,18 @@ class Lanes:
         if snapshot.dtype != self.records.dtype or snapshot.shape != self.records.shape:
             raise ValueError(f"the snapshot is not of {self.count} lanes of {self.task.id}")
         self.records[:] = snapshot
-        write_rows(self._floats, self._slots, self.rows)
+        self._observe(self.records, self.rows)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Copies and pickles name their task, so that no compiled code is in them."""
         return _revive, (self.task.id, self.config, self.records, self.rewards, self.terms)
+
+    def _observe(self, lanes: NDArray[Any], rows: NDArray[Any]) -> None:
+        """Write the observations of lane records."""
+        if self.task.frames is not None:
+            self.task.frames.drawing(lanes, self._record, rows)
+        else:
+            write_rows(as_floats(lanes), self._slots, rows)
 
     def _shaped(self, actions: ArrayLike) -> Row:
         with np.errstate(over="ignore"):

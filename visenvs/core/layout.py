@@ -6,9 +6,10 @@ frames. Nothing outside this file knows at which index a field sits.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from importlib import import_module
 from typing import Any
 
 import gymnasium as gym
@@ -188,6 +189,33 @@ class Layout:
 
 
 @dataclass(frozen=True)
+class Frames:
+    """A camera's pictures as observations, in place of rows: RGB, uint8, (side, side, 3).
+
+    Attributes:
+        draw: "module:function" that writes the pictures of lane records, imported when it is first
+            needed: (records, config record, out (n, side, side, 3)) -> None.
+        setting: of the configuration, that holds the side, pixels.
+        side: of the pictures, pixels; 0 before the configuration is known.
+    """
+
+    draw: str
+    setting: str
+    side: int = 0
+
+    @cached_property
+    def space(self) -> gym.spaces.Box:
+        """The box of all pictures."""
+        return gym.spaces.Box(0, 255, (self.side, self.side, 3), np.uint8)
+
+    @cached_property
+    def drawing(self) -> Callable[..., None]:
+        """The function that draws."""
+        module, function = self.draw.split(":")
+        return getattr(import_module(module), function)
+
+
+@dataclass(frozen=True)
 class Choices:
     """A discrete action: the number of one of several named choices.
 
@@ -196,10 +224,14 @@ class Choices:
             be taken.
         mask: name of a field of the lane record and of the observation, one number for each choice:
             1 where it may be taken. Empty where all always may.
+        first, apiece: from the number `first` on, each of the things that the observation lists has
+            so many choices of its own, the same for all, one thing after the other.
     """
 
     names: tuple[str, ...]
     mask: str = ""
+    first: int = 0
+    apiece: int = 0
 
     def __post_init__(self) -> None:
         if len(self.names) < 2 or len(set(self.names)) < len(self.names):

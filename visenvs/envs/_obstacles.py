@@ -16,6 +16,7 @@ from visenvs.envs._avoidance_config import (
     CUT,
     FIXED,
     GIVEN,
+    IMAGES,
     KNOWN,
     MOVING,
     NEAREST,
@@ -32,7 +33,7 @@ from visenvs.sensors.camera import in_view
 
 GOAL = K  # its label
 SIGHTINGS = K + 2  # of the obstacles, the waypoint, and one of nothing
-TRACKS = tracks_dtype(K + 1)
+TRACKS = tracks_dtype(K + 1, cells=1)  # no bank: a lane is to be small
 WORK = np.dtype(
     [
         ("tracker", work_dtype(K + 1, SIGHTINGS)),
@@ -40,11 +41,14 @@ WORK = np.dtype(
         ("C", "f8", (3, 3)),
         ("u", "f8", (3,)),
         ("moved", "f8", (3,)),
+        ("cone", "f8", (2, 3)),
         ("seen", "f8", (SIGHTINGS, 2)),
         ("labels", "f8", (SIGHTINGS,)),
         ("priors", "f8", (SIGHTINGS, 2)),
         ("key", "f8", (K,)),
         ("order", "i8", (K,)),
+        ("found", "i8"),  # balls in a rendered picture, already in `seen` and `labels`,
+        ("distance", "f8", (SIGHTINGS,)),  # and how far away by their size, m
     ]
 )
 
@@ -146,7 +150,7 @@ def track(lane, cfg, work):
         if count >= 0:
             match(lane, kind, count, cfg, work)
             seen, labels, priors = work["seen"], work["labels"], work["priors"]
-            threshold = -1.0 if cfg["association"] == KNOWN else cfg["ztest_max"]
+            threshold = -1.0 if has_labels(cfg) else cfg["ztest_max"]
             tracker, C = work["tracker"], work["C"]
             tracks.absorb(kind, T, r_V, C, seen, labels, priors, count, threshold, cfg, tracker)
         if kind == tracks.SPHERICAL:
@@ -194,7 +198,7 @@ def track_moving(lane, cfg, work):
             T["hits"][j] += 1.0
             T["unseen"][j] = T["missed"][j] = 0.0
             T["wrong"] += 1.0 if T["owner"][j] != labels[i] else 0.0
-    threshold = -1.0 if cfg["association"] == KNOWN else cfg["ztest_max"]
+    threshold = -1.0 if has_labels(cfg) else cfg["ztest_max"]
     for i in range(count):
         if choice[i] == NEW:
             kind = tracks.CARTESIAN
@@ -227,10 +231,16 @@ def match(lane, kind, count, cfg, work):
     """Find the track of every sighting."""
     T, tracker = lane["tracks"], work["tracker"]
     tracks.compare(kind, T, lane["r_V_N"], work["C"], work["seen"], count, cfg, tracker)
-    if cfg["association"] == KNOWN:
+    if has_labels(cfg):
         choose(T, count, cfg, work)
     else:
         tracks.associate(count, cfg, tracker)
+
+
+@kernel
+def has_labels(cfg):
+    """Whether the image processor tells obstacles apart; in rendered pictures all look alike."""
+    return cfg["association"] == KNOWN and cfg["perception"] != IMAGES
 
 
 @kernel
@@ -260,6 +270,10 @@ def look(lane, cfg, work):
 def process(lane, cfg, work):
     """Write what the image processor tells: sightings, labels and priors; returns how many."""
     count, nearest, u, labels = 0, math.inf, work["u"], work["labels"]
+    if cfg["perception"] == IMAGES:
+        for i in range(work["found"]):
+            set_prior(lane, max(int(labels[i]), 0), i, work["distance"][i], cfg, work)
+        return work["found"]
     for i in range(lane["count"]):
         relative(lane, i, cfg, u)
         if sight(lane, i, count, cfg, work):

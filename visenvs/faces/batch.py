@@ -51,7 +51,7 @@ class LaneVectorEnv(common.OnLanes, VectorEnv[Row, Any, NDArray[Any]]):
         self.metadata = METADATA | common.rendering(self.lanes, METADATA, render_mode)
         self.render_mode = render_mode
         self.num_envs = num_envs
-        observation = common.own_space(self.task.observation)
+        observation = common.own_space(self.task)
         action = common.own_space(self.task.action)
         self.single_observation_space, self.single_action_space = observation, action
         self.observation_space = batch_space(observation, num_envs)

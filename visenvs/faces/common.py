@@ -67,9 +67,9 @@ def open_alone(env_id: str, scenario: str | None, settings: Mapping[str, Any], c
     return lanes
 
 
-def own_space(layout: Layout | Choices) -> Space[Any]:
-    """The space of a layout's rows or of choices, with a random generator of its own."""
-    return cast("Space[Any]", deepcopy(layout.space))
+def own_space(shown: Task | Layout | Choices) -> Space[Any]:
+    """The space of observations, rows or choices, with a random generator of its own."""
+    return cast("Space[Any]", deepcopy(shown.space))
 
 
 def rendering(lanes: Lanes, metadata: Mapping[str, Any], chosen: str | None) -> dict[str, Any]:

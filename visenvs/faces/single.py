@@ -39,7 +39,7 @@ class LaneEnv(common.OnLanes, gym.Env[Row, Any]):
         self.lanes = common.open_alone(env_id, scenario, settings, 1)
         self.metadata = METADATA | common.rendering(self.lanes, METADATA, render_mode)
         self.render_mode = render_mode
-        self.observation_space = common.own_space(self.task.observation)
+        self.observation_space = common.own_space(self.task)
         self.action_space = common.own_space(self.task.action)
         self._shape = self.action_space.shape
         self._masked = isinstance(self.task.action, Choices)

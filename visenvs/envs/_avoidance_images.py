@@ -1,0 +1,100 @@
+"""What the camera of an avoidance scene sees: red balls in the open air, and a green beacon.
+
+A picture depends on the lane's record alone, so that it can be drawn anew from any snapshot. The
+vehicle knows its attitude, and how large the balls are up to `range_error`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from visenvs.core.outcome import RUNNING
+from visenvs.envs._avoidance_config import NEAREST, TRUTH
+from visenvs.envs._obstacles import FALSE, SIGHTINGS
+from visenvs.estimation.tracks import NOBODY
+from visenvs.sensors.images.exposure import Exposure, expose
+from visenvs.sensors.images.optics import Image, Optics
+from visenvs.sensors.images.outdoor import Sky, shared_outdoor
+from visenvs.sensors.images.spheres import Ball, detect
+
+EXPOSURE = FALSE + 1  # noise stream, after those of `_obstacles`
+SKY = Sky()
+LENS = Exposure()
+WORLDS = 4  # grounds and skies that episodes take turns with
+LEVEL = np.eye(3)
+RED, GREEN = (200.0, 30.0, 30.0), (40.0, 190.0, 60.0)
+BEACON = 1.5  # radius of the beacon at the waypoint, m
+MATCH = 1.0  # a ball is an obstacle's if its centre is nearer than so many radii, and 3 pixels
+
+SIGHTED = np.dtype(
+    [
+        ("count", "i8"),
+        ("seen", "f8", (SIGHTINGS, 2)),
+        ("labels", "f8", (SIGHTINGS,)),
+        ("distance", "f8", (SIGHTINGS,)),
+    ]
+)
+
+
+def camera(config: Any, side: int) -> Optics:
+    """A square picture that is half_width focal lengths to each side of the optical axis."""
+    return Optics(side, side, 0.5 * side / float(config["half_width"]))
+
+
+def picture(lane: np.void, config: Any, side: int) -> Image:
+    """What the camera of one lane sees, RGB, (side, side, 3)."""
+    optics, n = camera(config, side), int(lane["count"])
+    world = shared_outdoor(int(lane["seed"] + lane["episode"]) % WORLDS, SKY)
+    frame = world.render(optics, LEVEL, lane["r_V_N"])
+    beacon = (config["waypoint"] - lane["r_V_N"])[None]
+    world.balls(frame, optics, LEVEL, beacon, np.array([BEACON]), GREEN)
+    r, radii = lane["r_O_N"][:n] - lane["r_V_N"], config["ball"] * lane["radius"][:n]
+    world.balls(frame, optics, LEVEL, r, radii, RED)
+    seed, episode, step = (int(lane[name]) for name in ("seed", "episode", "step"))
+    return expose(frame, LENS, seed, episode, EXPOSURE, step)
+
+
+def frames(lanes: NDArray[Any], config: NDArray[Any], out: NDArray[np.uint8]) -> None:
+    """Write the picture of every lane, (n, frame, frame, 3)."""
+    for i in range(len(lanes)):
+        out[i] = picture(lanes[i], config[0], out.shape[1])
+
+
+def look(lanes: NDArray[Any], config: NDArray[Any]) -> NDArray[Any]:
+    """What the detector finds in the pictures that are due, a record of SIGHTED for each lane."""
+    out, cfg = np.zeros(len(lanes), SIGHTED), config[0]
+    if cfg["estimator"] == TRUTH:
+        return out
+    optics = camera(cfg, int(cfg["picture"]))
+    for i in range(len(lanes)):
+        due = lanes["step"][i] % cfg["image_every"] == 0 and lanes["outcome"][i] == RUNNING
+        if due:
+            balls = detect(picture(lanes[i], cfg, optics.width), optics)
+            kept = balls[:1] if cfg["report"] == NEAREST else balls[:SIGHTINGS]
+            _tell(lanes[i], kept, cfg, optics, out[i])
+    return out
+
+
+def _tell(lane: np.void, balls: list[Ball], cfg: Any, optics: Optics, out: np.void) -> None:
+    """Write what was found: image points, distances by size, and whose they are."""
+    n = int(lane["count"])
+    r, radii = lane["r_O_N"][:n] - lane["r_V_N"], cfg["ball"] * lane["radius"][:n]
+    ahead = np.maximum(r[:, 0], 1e-3)
+    places, sizes = r[:, 1:] / ahead[:, None], radii / ahead
+    free = r[:, 0] > 0.0
+    for ball in balls:
+        if ball.angle <= 0.0:
+            continue
+        k = int(out["count"])
+        gaps = np.where(free, np.hypot(*(places - ball.point).T), math.inf)
+        j = int(np.argmin(gaps))
+        known = gaps[j] < MATCH * sizes[j] + 3.0 / optics.focal
+        free[j] &= not known
+        out["seen"][k], out["labels"][k] = ball.point, j if known else NOBODY
+        # how large the balls are is known, also of what is none
+        out["distance"][k] = ball.depth(radii[j] if known else float(radii.mean()))
+        out["count"] = k + 1
