@@ -52,6 +52,11 @@ class Residual:
         action, _ = self._law.predict(observation)
         return np.clip(action + self._scale * correction, -1.0, 1.0).astype(np.float32, copy=False)
 
+    def missing(self, observation: Rows, wanted: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The corrections that make `combine` give the wanted actions, (n, size), not clipped."""
+        action, _ = self._law.predict(observation)
+        return (wanted - action) / self._scale
+
 
 class LearnedPolicy:
     """A network, alone or as a residual on a law; among choices, it is told which may be taken."""

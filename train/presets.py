@@ -107,8 +107,8 @@ PRESETS: dict[tuple[str, Algo], Preset] = {
         validation=100,
         settings={"arena": "kinematic"},
     ),
-    # whole episodes, all of one length: parts of them would teach one phase of the flight at a time;
-    # a push is held for four seconds, since noise at every step hardly moves the aircraft
+    # whole episodes, all of one length: parts of them would teach one phase of the flight at a
+    # time; a push is held for four seconds, since noise at every step hardly moves the aircraft
     ("visenvs/Mapping-v0", "ppo"): Preset(
         64,
         ON_POLICY
