@@ -89,8 +89,8 @@ PRESETS: dict[tuple[str, Algo], Preset] = {
         ON_POLICY | {"n_steps": 150, "gamma": 0.99},
         SMALL | {"log_std_init": -0.5},
     ),
-    # whole episodes, all of one length: parts of them would teach one phase of the flight at a time;
-    # a push is held for four seconds, since noise at every step hardly moves the aircraft
+    # whole episodes, all of one length: parts would teach one phase of the flight at a time; a push
+    # is held for four seconds, since noise at every step hardly moves the aircraft
     ("visenvs/Mapping-v0", "ppo"): Preset(
         64,
         ON_POLICY

@@ -133,12 +133,10 @@ def potential_of(task: Task, config: Config) -> Potential | None:
     place `place_costs`, for maps `map_costs`.
     """
     lane, known = set(task.lane.names or ()), set(field_types(type(config)))
-    for fields, names, costs in GUESSES:
-        if set(fields) <= lane and set(names) <= known:
-            break
-    else:
+    able = [costs for fields, names, costs in GUESSES if {*fields} <= lane and {*names} <= known]
+    if not able:
         return None
-    settings = to_record(config)
+    costs, settings = able[0], to_record(config)
 
     def potential(lanes: NDArray[Any]) -> NDArray[np.float64]:
         out = np.zeros(len(lanes))
