@@ -1,8 +1,8 @@
 """Herding as a PettingZoo environment: aircraft `aircraft_0`, ... that share the arena.
 
-`herding_v0.parallel_env("firmware", aircraft=4)` has all agents act at once; `env` and `raw_env` are
-the same by conversion to agents that act in turn. A step lasts until any aircraft is free to choose;
-one that is busy may only go on.
+`herding_v0.parallel_env("firmware", aircraft=4)` has all agents act at once; `env` and `raw_env`
+are the same by conversion to agents that act in turn. A step lasts until any aircraft is free to
+choose; one that is busy may only go on.
 """
 
 from __future__ import annotations
