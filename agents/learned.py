@@ -32,6 +32,7 @@ FIRST_LAYER = {
     "ppo": "mlp_extractor.policy_net.0.weight",
 }
 SETS = "features_extractor.encoder."  # our own, see `sets.py`
+CHOOSING = "action_net.apiece.weight"  # our own, see `choosing.py`
 CARD = ("information", "algo", "residual", "steps")  # what is read of it besides its sha256
 RESIDUAL = {"law", "scale"}
 ACTIVATIONS = ("Tanh", "ReLU", "ELU", "LeakyReLU", "SiLU", "GELU")
@@ -50,6 +51,11 @@ class Residual:
         """Actions (n, size) from rows and corrections in [-1, 1]; law memory is not used."""
         action, _ = self._law.predict(observation)
         return np.clip(action + self._scale * correction, -1.0, 1.0).astype(np.float32, copy=False)
+
+    def missing(self, observation: Rows, wanted: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The corrections that make `combine` give the wanted actions, (n, size), not clipped."""
+        action, _ = self._law.predict(observation)
+        return (wanted - action) / self._scale
 
 
 class LearnedPolicy:
@@ -74,7 +80,7 @@ class LearnedPolicy:
             allowed = choices.allowed(observation, self._task.observation)
             return self._network.predict(*told, action_masks=allowed)
         if self._plain and deterministic:
-            action = _mean(self._network, observation)
+            action = np.clip(_mean(self._network, observation), -1.0, 1.0)
         else:
             action, state = self._network.predict(*told)
         if self._residual is not None:
@@ -95,7 +101,7 @@ def _mean(network: Any, observation: NDArray[Any]) -> Rows:
 
     with torch.inference_mode():
         rows = torch.from_numpy(np.ascontiguousarray(observation))
-        features = network.extract_features(rows, network.pi_features_extractor)
+        features = network.pi_features_extractor(rows)  # shared with the critic or not
         return network.action_net(network.mlp_extractor.forward_actor(features)).numpy()
 
 
@@ -206,6 +212,8 @@ def _read_zip(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
 
 
 def _algorithm(path: Path, weights: dict[str, Any]) -> str:
+    if CHOOSING in weights:
+        return "ppo"
     for algo, layer in FIRST_LAYER.items():
         if layer in weights:
             return algo
@@ -219,7 +227,7 @@ def _architecture(
         name
         for name in weights
         if name.startswith(("features_extractor.", "actor.features_extractor."))
-        and not (algo == "ppo" and name.startswith(SETS))
+        and not (algo == "ppo" and (name.startswith(SETS) or CHOOSING in weights))
     ]
     if extra:
         raise ValueError(
@@ -234,6 +242,8 @@ def _architecture(
             f"{path}: activation {activation!r} is not one of {', '.join(ACTIVATIONS)}; "
             "it needs --trust"
         )
+    if CHOOSING in weights:
+        return Architecture(algo, [], activation, sets=weights[CHOOSING].shape[1])
     if algo in ("ppo", "recurrent_ppo"):
         pi, vf = (_widths(weights, f"mlp_extractor.{part}_net") for part in ("policy", "value"))
         lstm = weights["lstm_actor.weight_hh_l0"].shape[1] if algo == "recurrent_ppo" else 0
@@ -256,6 +266,9 @@ def _widths(weights: dict[str, Any], prefix: str) -> list[int]:
 def _rebuild(arch: Architecture, weights: dict[str, Any], task: Task, path: Path) -> Any:
     from torch import nn
 
+    if CHOOSING in weights and isinstance(task.action, Choices):
+        chooser, choosing = choice_network(task, arch.sets)
+        return _fill(chooser(*_spaces(task), _no_training, **choosing), weights, arch, task, path)
     kwargs: dict[str, Any] = {
         "net_arch": arch.net_arch,
         "activation_fn": getattr(nn, arch.activation),
@@ -265,17 +278,26 @@ def _rebuild(arch: Architecture, weights: dict[str, Any], task: Task, path: Path
             "lstm_hidden_size": arch.lstm,
             "enable_critic_lstm": "lstm_critic.weight_ih_l0" in weights,
         }
+    if "log_std" in weights and weights["log_std"].ndim == 2:
+        kwargs["use_sde"] = True  # exploration that depends on the state
     algo = "maskable_ppo" if isinstance(task.action, Choices) else arch.algo
     policy_class = _algorithm_class(algo).policy_aliases[
         "MlpLstmPolicy" if arch.lstm else "MlpPolicy"
     ]
-    spaces = task.observation.space, task.action.space
     size = int(weights[FIRST_LAYER[arch.algo]].shape[1])
     if arch.sets and any(field.each > 1 for field in task.observation.fields):
         kwargs |= set_network(task.observation, arch.sets)
     elif size != task.observation.size:
         raise _wrong_space(path, task, size)
-    policy = policy_class(*spaces, _no_training, **kwargs)
+    policy = policy_class(*_spaces(task), _no_training, **kwargs)
+    return _fill(policy, weights, arch, task, path)
+
+
+def _spaces(task: Task) -> tuple[Any, Any]:
+    return task.observation.space, task.action.space
+
+
+def _fill(policy: Any, weights: dict[str, Any], arch: Architecture, task: Task, path: Path) -> Any:
     try:
         policy.load_state_dict(weights)
     except RuntimeError as error:
@@ -295,6 +317,13 @@ def set_network(layout: Layout, width: int) -> dict[str, Any]:
         "features_extractor_kwargs": settings,
         "share_features_extractor": False,  # large values would drown what the actor learns
     }
+
+
+def choice_network(task: Task, width: int) -> tuple[Any, dict[str, Any]]:
+    """Class and arguments of an SB3 policy that chooses among listed things in any order."""
+    from .choosing import SetChoicePolicy
+
+    return SetChoicePolicy, {"choices": task.action, "layout": task.observation, "width": width}
 
 
 def _no_training(_left: float) -> float:

@@ -29,6 +29,7 @@ class Keeper(BaseCallback):
         best: mean cost, steps and success rate of the best model of an earlier session, or None.
         note: called with these figures whenever there is a new best model, to write its card: a
             training that is killed must not leave a model without one.
+        at_once: also validate before the first step, where the network has learnt already.
     """
 
     def __init__(
@@ -38,6 +39,7 @@ class Keeper(BaseCallback):
         out: Path,
         best: dict[str, Any] | None,
         note: Callable[[dict[str, Any]], None],
+        at_once: bool = False,
     ) -> None:
         super().__init__()
         self._lanes = lanes
@@ -46,9 +48,12 @@ class Keeper(BaseCallback):
         self._next = every
         self.best = best
         self._note = note
+        self._at_once = at_once
 
     def _on_training_start(self) -> None:
         self._next = self.num_timesteps + self._every
+        if self._at_once:
+            self.keep()
 
     def _on_step(self) -> bool:
         return True
@@ -61,7 +66,7 @@ class Keeper(BaseCallback):
     def keep(self) -> None:
         """Validate now, keep the model if it is the best, and write the checkpoint."""
         found = validate(self.model, self._lanes)
-        for name, value in found.items():
+        for name, value in found.items() if self.n_calls else ():  # before training there is no log
             self.logger.record(f"validation/{name}", value)
         if self.best is None or found["cost_mean"] < self.best["cost_mean"]:
             with replacing(self._out / "model.zip") as path:

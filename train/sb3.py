@@ -18,7 +18,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.utils import set_random_seed
 
 from agents import registry
-from agents.learned import Residual, digest, set_network
+from agents.learned import Residual, choice_network, digest, set_network
 from visenvs.core.cli import launch
 from visenvs.core.config import Config, override, pick, to_json
 from visenvs.core.files import read_json, write_json
@@ -28,8 +28,10 @@ from visenvs.core.provenance import provenance
 from visenvs.core.registry import load_task
 
 from .callbacks import Keeper, checkpoint
+from .imitation import imitate
 from .presets import Algo, Preset, preset_for
 from .shaping import potential_of
+from .tutor import learn_from_truth, teacher_of
 from .vec_env import LaneVecEnv
 
 ALGORITHMS: dict[str, type[BaseAlgorithm]] = {
@@ -41,6 +43,7 @@ ALGORITHMS: dict[str, type[BaseAlgorithm]] = {
 }
 POLICIES = {"recurrent_ppo": "MlpLstmPolicy"}
 TRAINING_SEEDS = 90_000
+TUTORED = 600  # steps of every lane in a round of tutoring
 VALIDATION_SEEDS = range(90_000, 91_000)
 
 
@@ -59,19 +62,23 @@ class Options:
     estimator: str | None = None
     """the filter in the loop; the scenario's if left out"""
     observation: str | None = None
-    """what the policy sees, such as "pixels"; the scenario's if not given"""
+    """what the policy sees where there is a choice, such as "pixels"; the scenario's if left out"""
     steps: int = 3_000_000
     """environment steps in total"""
     seed: int = 0
     """of the network, and of the lanes: lane i flies seed * lanes + i"""
     lanes: int | None = None
-    """environments side by side; the preset's if left out"""
+    """environments side by side, teams where agents fly together; the preset's if left out"""
     residual: str | None = None
     """a law that the network corrects, for example osa; a plain network if left out"""
     residual_scale: float | None = None
     """how far it may correct, over the longest action; the preset's if left out"""
+    imitate: str | None = None
+    """a law that a network that chooses imitates before it learns (maskable_ppo)"""
     validate_every: int = 250_000
     """steps between validations and checkpoints"""
+    tutor: int | None = None
+    """rounds of learning what perfect information would command, before PPO starts"""
 
 
 def train(options: Options, preset: Preset | None = None) -> None:
@@ -81,15 +88,19 @@ def train(options: Options, preset: Preset | None = None) -> None:
     task = load_task(options.env)
     scenario = options.scenario or next(iter(task.scenarios))
     config = pick("scenario", scenario, task.scenarios)
-    if options.estimator is not None:
-        config = override(config, {"estimator": options.estimator})
-    if options.observation is not None:
-        config = override(config, {"observation": options.observation})
-    check_action(options, task.under(config))
-    run = open_run(options, task, scenario, config)
+    asked = {"estimator": options.estimator, "observation": options.observation}
+    config = override(config, {name: value for name, value in asked.items() if value is not None})
+    task = task.under(config)
+    check_action(options, task)
     preset = preset or preset_for(options.env, options.algo)
+    config = override(config, preset.settings)
+    run = open_run(options, task, scenario, config)
     lanes, validation = build_lanes(options, preset, task, config, run["sessions"])
     model = build_model(options, preset, lanes)
+    fresh = options.imitate is not None and not model.num_timesteps
+    if options.imitate is not None and fresh:
+        law = registry.load_law(options.imitate, task, config)
+        imitate(model.policy, lanes, law, preset.imitation)
     options.out.mkdir(parents=True, exist_ok=True)
     write_json(options.out / "run.json", run)
 
@@ -98,12 +109,15 @@ def train(options: Options, preset: Preset | None = None) -> None:
         write_json(options.out / "run.json", run)
         write_json(options.out / "card.json", card(options, task, scenario, preset, run))
 
-    keeper = Keeper(validation, options.validate_every, options.out, run["best"], note)
+    keeper = Keeper(validation, options.validate_every, options.out, run["best"], note, fresh)
     began, cpu, before = time.time(), time.process_time(), model.num_timesteps
     finished = False
     try:
+        if options.tutor and before == 0:
+            begin_with_tutor(options.tutor, model, lanes, task, config, keeper)
+            before = model.num_timesteps
         model.learn(
-            options.steps - before,
+            max(options.steps - before, 0),
             callback=keeper,
             reset_num_timesteps=False,
             progress_bar=True,
@@ -135,6 +149,17 @@ def train(options: Options, preset: Preset | None = None) -> None:
     )
 
 
+def begin_with_tutor(
+    rounds: int, model: Any, lanes: LaneVecEnv, task: Task, config: Config, keeper: Keeper
+) -> None:
+    """Learn from the truth, count the steps that this took, and keep the result."""
+    teacher = teacher_of(task, config)
+    model.num_timesteps = learn_from_truth(model, lanes, teacher, rounds, TUTORED)
+    keeper.init_callback(model)
+    keeper.num_timesteps = model.num_timesteps
+    keeper.keep()
+
+
 def check(options: Options) -> None:
     """Refuse numbers that make no sense, before anything is built."""
     if (
@@ -163,6 +188,8 @@ def check_action(options: Options, task: Task) -> None:
         )
     if chooses and options.residual is not None:
         raise ValueError(f"a choice cannot be corrected: {task.id} takes no --residual")
+    if not chooses and options.imitate is not None:
+        raise ValueError(f"only choices are imitated: write --residual {options.imitate}")
 
 
 def open_run(options: Options, task: Task, scenario: str, config: Config) -> dict[str, Any]:
@@ -201,7 +228,7 @@ def build_lanes(
     options: Options, preset: Preset, task: Task, config: Config, session: int
 ) -> tuple[LaneVecEnv, LaneVecEnv]:
     """Training lanes with shaped rewards, and validation lanes with the bare cost."""
-    count = options.lanes or preset.lanes
+    count = options.lanes or max(preset.lanes // task.team(config), 1)
     if count >= TRAINING_SEEDS:
         raise ValueError(f"there are {TRAINING_SEEDS} training seeds, got {count} lanes")
     first = (options.seed + 37 * session) * count % (TRAINING_SEEDS - count)
@@ -218,7 +245,7 @@ def build_lanes(
         preset.reward_floor,
         preset.unit,
     )
-    return lanes, LaneVecEnv(task, config, VALIDATION_SEEDS, residual)
+    return lanes, LaneVecEnv(task, config, VALIDATION_SEEDS[: preset.validation], residual)
 
 
 def scale_of(options: Options, preset: Preset) -> float:
@@ -241,16 +268,18 @@ def build_model(options: Options, preset: Preset, lanes: LaneVecEnv) -> BaseAlgo
         return start * max(left, 0.05)
 
     settings: dict[str, Any] = preset.model | {"learning_rate": schedule}
-    task = lanes.lanes.task
-    policy, kwargs = POLICIES.get(options.algo, "MlpPolicy"), preset.policy
+    task, policy = lanes.lanes.task, POLICIES.get(options.algo, "MlpPolicy")
+    sets: dict[str, Any] = {}
     if task.frames is not None:
         policy = policy.replace("Mlp", "Cnn")
+    elif preset.sets and isinstance(task.action, Choices):
+        policy, sets = choice_network(task, preset.sets)
     elif preset.sets:
-        kwargs = kwargs | set_network(task.observation, preset.sets)
+        sets = set_network(task.observation, preset.sets)
     return algorithm(
         policy,
         lanes,
-        policy_kwargs=kwargs,
+        policy_kwargs=preset.policy | sets,
         tensorboard_log=str(options.out / "tb"),
         device="cpu",
         **settings,
@@ -275,7 +304,7 @@ def card(
         "reached": best,
         "seeds": {
             "training": [0, TRAINING_SEEDS - 1],
-            "validation": [VALIDATION_SEEDS[0], VALIDATION_SEEDS[-1]],
+            "validation": [VALIDATION_SEEDS[0], VALIDATION_SEEDS[preset.validation - 1]],
         },
         "sha256": digest(options.out / "model.zip"),
         **{key: run[key] for key in ("command", "versions", "commit", "date")},

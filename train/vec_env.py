@@ -33,8 +33,9 @@ class LaneVecEnv(VecEnv):
         potential: shapes the reward as r + potential(after) - potential(before), with 0 at the end
             of an episode; the return changes only by the potential of the start. None for the cost
             as it is.
-        reward_floor: shaped rewards below this are cut off there, m^2/s^3: one lost target in
-            a thousand episodes costs more than all the others and would drown what they teach.
+        reward_floor: shaped rewards below this, or above its opposite, are cut off there, m^2/s^3:
+            one lost target in a thousand episodes costs more than all the others and would drown
+            what they teach. Cut off below alone, to lose and to regain would pay.
         unit: shaped rewards are divided by it, so that values stay about 1.
     """
 
@@ -90,10 +91,16 @@ class LaneVecEnv(VecEnv):
             self._finish(done, infos)
         return (
             self.lanes.rows.copy(),
-            (np.maximum(rewards, self._floor) / self._unit).astype(np.float32),
+            (np.clip(rewards, self._floor, -self._floor) / self._unit).astype(np.float32),
             done,
             infos,
         )
+
+    def correction(self, wanted: NDArray[np.float64]) -> NDArray[np.float32]:
+        """What a network has to say now, within [-1, 1], so that the actions `wanted` come out."""
+        if self._residual is not None:
+            wanted = self._residual.missing(self.lanes.rows, wanted)
+        return np.clip(wanted, -1.0, 1.0).astype(np.float32)
 
     def _finish(self, done: NDArray[np.bool_], infos: list[dict[str, Any]]) -> None:
         elapsed = round(time.time() - self._start, 6)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import gymnasium
 
 import visenvs  # noqa: F401  registers the environments
@@ -34,9 +36,9 @@ def duel(face: str, ours: Portion, theirs: Portion, budget: Budget) -> list[Row]
     return [row(here, UNIT, rates, there), row(there, UNIT, rates)]
 
 
-def single(env_id: str) -> Portion:
+def single(env_id: str, **settings: Any) -> Portion:
     """Steps of one environment with random actions drawn beforehand."""
-    env = gymnasium.make(env_id)
+    env = gymnasium.make(env_id, **settings)
     env.action_space.seed(0)
     actions = [env.action_space.sample() for _ in range(STEPS)]
     env.reset(seed=SEEDS[0])
@@ -51,9 +53,9 @@ def single(env_id: str) -> Portion:
     return portion
 
 
-def vector(env_id: str, lanes: int) -> Portion:
+def vector(env_id: str, lanes: int, **settings: Any) -> Portion:
     """Steps of a native vector environment, which resets by itself; counted lane by lane."""
-    envs = gymnasium.make_vec(env_id, lanes, vectorization_mode="vector_entry_point")
+    envs = gymnasium.make_vec(env_id, lanes, vectorization_mode="vector_entry_point", **settings)
     envs.action_space.seed(0)
     actions = [envs.action_space.sample() for _ in range(STEPS)]
     envs.reset(seed=SEEDS[0])

@@ -72,7 +72,8 @@ class Case:
 def cases(toy):
     for env_id in registry.environment_files():
         task = registry.load_task(env_id)
-        for k, (scenario, preset) in enumerate(task.scenarios.items()):
+        alone = {name: p for name, p in task.scenarios.items() if task.team(p) == 1}
+        for k, (scenario, preset) in enumerate(alone.items()):
             choices = get_args(field_types(type(preset)).get("estimator")) if k == 0 else ()
             for settings in [{"estimator": choice} for choice in choices] or [{}]:
                 yield Case(env_id, scenario, settings, toy)

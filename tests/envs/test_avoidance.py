@@ -13,7 +13,8 @@ from visenvs.core.noise import normal_pair
 from visenvs.core.outcome import Outcome
 from visenvs.core.registry import laws, load_task
 from visenvs.core.units import FOOT
-from visenvs.envs._avoidance_config import SCENARIOS, AvoidanceConfig, K
+from visenvs.envs._avoidance_config import AvoidanceConfig, K
+from visenvs.envs._avoidance_scenarios import SCENARIOS
 from visenvs.envs._obstacles import IMAGE
 
 TASK = load_task("visenvs/Avoidance-v0")

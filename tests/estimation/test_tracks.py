@@ -241,7 +241,7 @@ def test_the_printed_prior_covariance_on_request(scene, settings):
     assert at.tracks["P"][0, 0, 1] == pytest.approx(0.2 * 28.87**2)
 
 
-@pytest.mark.parametrize(("slots", "window"), [(0, 1), (6, 0)])
-def test_a_record_without_room_is_refused(slots, window):
+@pytest.mark.parametrize("sizes", [(0, 1), (6, 0), (6, 1, 0)])
+def test_a_record_without_room_is_refused(sizes):
     with pytest.raises(ValueError, match="tracks_dtype"):
-        T.tracks_dtype(slots, window)
+        T.tracks_dtype(*sizes)

@@ -7,7 +7,7 @@ import pytest
 
 from visenvs.core.frames import wrap_angle
 from visenvs.estimation.ekf import factorise, pack_lower
-from visenvs.estimation.ukf import sigma_points, update_angle
+from visenvs.estimation.ukf import recombine, sigma_points, update_angle
 
 pytestmark = pytest.mark.kernel
 
@@ -131,3 +131,24 @@ def test_covariance_stays_symmetric_and_positive_over_thousands_of_updates():
         update_angle(x, P, points, 4.0, sight(points), measured, 1e-4, np.empty(4))
         assert np.array_equal(P, P.T)
         assert np.linalg.eigvalsh(P)[0] > 0.0
+
+
+@pytest.mark.parametrize("spread", [3.0, 4.0, 7.0])
+def test_moved_points_give_mean_and_covariance_of_a_linear_motion_and_the_noise(spread):
+    rng = np.random.default_rng(5)
+    x, P, Q = rng.normal(size=4), covariance(rng, 4), covariance(rng, 4)
+    A, shift = rng.normal(size=(4, 4)), rng.normal(size=4)
+    points = points_of(x, P, spread) @ A.T + shift
+    mean, spread_of = np.empty(4), np.empty((4, 4))
+    recombine(points, spread, Q, mean, spread_of)
+    assert mean == pytest.approx(A @ x + shift, abs=1e-12)
+    assert spread_of == pytest.approx(A @ P @ A.T + Q, abs=1e-10)
+
+
+def test_moved_points_see_a_curved_motion_to_second_order():
+    """x^2 of a Gaussian has mean m^2 + s^2 exactly, whatever the spread."""
+    points = points_of(np.array([2.0]), np.array([[0.25]]), 3.0) ** 2
+    mean, variance = np.empty(1), np.empty((1, 1))
+    recombine(points, 3.0, np.zeros((1, 1)), mean, variance)
+    assert mean[0] == pytest.approx(4.25, abs=1e-12)
+    assert variance[0, 0] == pytest.approx(4 * 4 * 0.25 + 2 * 0.25**2, abs=1e-12)

@@ -4,11 +4,12 @@ import json
 import shutil
 import sys
 
+import gymnasium
 import numpy as np
 import pytest
 
 from eval import benchmark
-from eval.benchmarks import Budget, filter, groups, left_out, nsa, race, row, training
+from eval.benchmarks import Budget, avoidance, filter, groups, left_out, nsa, race, row, training
 from visenvs.core.cli import guarded
 from visenvs.core.config import override, to_record
 from visenvs.core.lanes import Lanes
@@ -30,7 +31,7 @@ def largest_difference(a, b, fields=("rhat", "P")):
 
 
 def test_a_group_is_found_by_being_there():
-    assert {"faces", "filter", "loop", "nsa", "training"} <= set(groups())
+    assert {"avoidance", "faces", "filter", "loop", "nsa", "training"} <= set(groups())
     for name, group in groups().items():
         assert group.__name__.endswith(f".{name}")
 
@@ -84,6 +85,15 @@ def test_every_row_is_positive_and_compared_with_a_row_that_is_there(name):
     else:
         expected = {"loop/lanes/1": "faces/single", "loop/lanes/1024": "faces/vector/1024"}
     assert {one.id: one.reference for one in rows.values() if one.reference} == expected
+
+
+def test_avoidance_is_measured_with_six_tracks():
+    rows = groups()["avoidance"].rows(QUICK)
+    assert [row.id for row in rows] == ["avoidance/single", "avoidance/vector/1024"]
+    assert all(row.value > 0.0 for row in rows)
+    env = gymnasium.make(avoidance.ENV_ID, **avoidance.SIX, p_detect=1.0)
+    row = env.unwrapped.layout.unpack(env.reset(seed=0)[0])
+    assert row["valid_O"].sum() == 6
 
 
 def test_both_compiled_filters_solve_the_same_problems():

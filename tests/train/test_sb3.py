@@ -264,6 +264,7 @@ def test_other_options_do_not_go_on_with_a_run(done, changes, words, capsys):
         ({"env": "visenvs/Rendevous-v0"}, "unknown environment 'visenvs/Rendevous-v0'; did you"),
         ({"scenario": "thesiss"}, "unknown scenario 'thesiss'; did you mean 'thesis'?"),
         ({"estimator": "oracle"}, "'oracle'"),
+        ({"observation": "cones"}, "'observation'"),
         ({"residual": "oas"}, "unknown law 'oas'; did you mean 'osa'?"),
         ({"residual": "straight"}, "straight needs turn_max"),
         ({"residual": "lq", "residual_scale": 0.0}, "must lie in (0, 1], got 0.0"),

@@ -19,10 +19,10 @@ with toys():
 TASKS = ["visenvs/Rendezvous-v0", "visenvs/Tracking2D-v0"]
 
 
-def flying(env, steps=7, **changes):
+def flying(env, steps=7, scenario="random", **changes):
     """Task, configuration, and lanes some steps into their episodes."""
     task = load_task(env)
-    config = override(task.scenarios["random"], changes)
+    config = override(task.scenarios[scenario], changes)
     lanes = Lanes(task, config, 5)
     lanes.reset(range(5))
     rng = np.random.default_rng(2)
@@ -86,3 +86,66 @@ def test_tasks_with_other_costs_have_none():
     bearings = load_task("visenvs/BearingsOnly-v0")
     for task in (CART, bearings):
         assert potential_of(task, next(iter(task.scenarios.values()))) is None
+
+
+def test_a_map_that_stays_as_it_is_has_no_shaped_cost():
+    """What the potential gives back in a step is what the map's terms cost in it."""
+    task, config, lanes = flying("visenvs/Mapping-v0", scenario="town", p_detect=0.0, p_false=0.0)
+    potential = potential_of(task, config)
+    lanes.records["covered"] = 1.0
+    lanes.step(np.zeros((5, 4), np.float32))
+    before = potential(lanes.records)
+    lanes.step(np.zeros((5, 4), np.float32))
+    shaped = lanes.rewards + potential(lanes.records) - before
+    assert shaped == pytest.approx(np.zeros(5), abs=1e-12)
+    assert (before < 0.0).all()
+    lanes.records["map_error"] *= 0.5
+    assert (potential(lanes.records) > before).all()
+
+
+# spheres to pass
+
+
+def coasting(steps, **changes):
+    """Task, configuration, and lanes that have flown straight on for so many steps."""
+    task = load_task("visenvs/Avoidance-v0")
+    config = override(task.scenarios["random"], changes)
+    lanes = Lanes(task, config, 20)
+    lanes.reset(range(20))
+    for _ in range(steps):
+        lanes.step(np.zeros((20, 3), np.float32))
+    return task, config, lanes
+
+
+def test_behind_the_spheres_it_is_what_the_last_step_will_charge():
+    task, config, lanes = coasting(398)
+    lanes.records["closest"] *= 2.0  # as if they had been passed wide
+    promised = potential_of(task, config)(lanes.records)
+    lanes.step(np.zeros((20, 3), np.float32))
+    lanes.step(np.zeros((20, 3), np.float32))
+    assert lanes.done.all()
+    assert lanes.rewards == pytest.approx(promised, rel=1e-6)
+    assert lanes.records["cost_divergence"].max() > 1.0
+
+
+def test_a_straight_flight_keeps_its_passages_in_mind():
+    """Every sphere alone costs what LQ pays to move the closest approach to its surface."""
+    task, config, lanes = coasting(20, obstacles=1)
+    shaped = potential_of(task, config)(lanes.records)
+    for lane, found in zip(lanes.records, shaped, strict=True):
+        X = lane["r_O_N"][0] - lane["r_V_N"]
+        depth = lane["radius"][0] - np.hypot(X[1], X[2])
+        weight = riccati(X[0] / 10.0, config.s_violation, 0.0)[0, 0]
+        assert found == pytest.approx(-0.5 * weight * depth**2, rel=1e-6)
+
+
+def test_what_a_violation_has_cost_is_not_asked_for_again():
+    task, config, lanes = coasting(0, obstacles=1)
+    shape, paid = potential_of(task, config), np.zeros(20)
+    before = shape(lanes.records)
+    while not lanes.done.all():
+        lanes.step(np.zeros((20, 3), np.float32))
+        paid += lanes.rewards
+    lanes.records["outcome"] = 0
+    assert (paid < before).all()  # to dodge in time would have been cheaper
+    assert shape(lanes.records) == pytest.approx(np.zeros(20), abs=1e-9)

@@ -224,10 +224,14 @@ class Choices:
             be taken.
         mask: name of a field of the lane record and of the observation, one number for each choice:
             1 where it may be taken. Empty where all always may.
+        first, apiece: from the number `first` on, each of the things that the observation lists has
+            so many choices of its own, the same for all, one thing after the other.
     """
 
     names: tuple[str, ...]
     mask: str = ""
+    first: int = 0
+    apiece: int = 0
 
     def __post_init__(self) -> None:
         if len(self.names) < 2 or len(set(self.names)) < len(self.names):

@@ -33,7 +33,7 @@ from visenvs.sensors.camera import in_view
 
 GOAL = K  # its label
 SIGHTINGS = K + 2  # of the obstacles, the waypoint, and one of nothing
-TRACKS = tracks_dtype(K + 1)
+TRACKS = tracks_dtype(K + 1, cells=1)  # no bank: a lane is to be small
 WORK = np.dtype(
     [
         ("tracker", work_dtype(K + 1, SIGHTINGS)),
@@ -41,6 +41,7 @@ WORK = np.dtype(
         ("C", "f8", (3, 3)),
         ("u", "f8", (3,)),
         ("moved", "f8", (3,)),
+        ("cone", "f8", (2, 3)),
         ("seen", "f8", (SIGHTINGS, 2)),
         ("labels", "f8", (SIGHTINGS,)),
         ("priors", "f8", (SIGHTINGS, 2)),

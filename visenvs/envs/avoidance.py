@@ -31,7 +31,9 @@ from visenvs.core.layout import Field, Frames, Layout
 from visenvs.core.noise import uniform
 from visenvs.core.outcome import MISS, RUNNING, SUCCESS, Outcome
 from visenvs.dynamics.point_mass import move, saturate
-from visenvs.envs._avoidance_config import SCENARIOS, SEEN, TOLD, TRUTH, AvoidanceConfig, K
+from visenvs.envs._avoidance_config import SEEN, TOLD, TRUTH, AvoidanceConfig, K
+from visenvs.envs._avoidance_row import CONE_TOO, OBSERVATION, TOLD_TOO, tell
+from visenvs.envs._avoidance_scenarios import SCENARIOS
 from visenvs.envs._obstacles import (
     GOAL,
     PLACE,
@@ -45,7 +47,7 @@ from visenvs.envs._obstacles import (
     tell_priors,
     track,
 )
-from visenvs.estimation.ekf import factorise, pack_lower, whiten
+from visenvs.estimation.ekf import whiten
 
 ENV_ID = "visenvs/Avoidance-v0"
 
@@ -80,6 +82,13 @@ LANE = lane_dtype(
         ("valid_O", "f8", (K,)),
         ("slot_O", "f8", (K,)),
         ("r_OV_N", "f8", (K, 3)),  # the truth that `told` adds
+        # what `cones` adds
+        ("pass_O_N", "f8", (K, 3)),
+        ("t_pass_O", "f8", (K,)),
+        ("gap_O", "f8", (K,)),
+        ("sigma_gap_O", "f8", (K,)),
+        ("aim_O_N", "f8", (K, 3)),
+        ("t_aim_O", "f8", (K,)),
         ("cost_control", "f8"),
         ("cost_violation", "f8"),
         ("cost_divergence", "f8"),
@@ -96,50 +105,6 @@ LANE = lane_dtype(
     ]
 )
 
-FAR, SPREAD = 2000.0, 500.0  # bounds of positions and of their deviations in the row, m
-OBSERVATION = Layout(
-    (
-        Field("rhat_WV_N", 3, "m", "N", -FAR, FAR, 100.0, "waypoint relative to the vehicle"),
-        Field("v_V_N", 3, "m/s", "N", -200.0, 200.0, 10.0, "own velocity"),
-        Field("t_go", 1, "s", "", 0.0, 1000.0, 20.0, "time to go to the waypoint's plane"),
-        Field(
-            "rhat_OV_N",
-            3 * K,
-            "m",
-            "N",
-            -FAR,
-            FAR,
-            100.0,
-            f"estimated positions of {K} obstacles relative to the vehicle, in the order of time "
-            "to go, those behind it last, zeros where there is none",
-            each=K,
-        ),
-        Field(
-            "chol_OV",
-            6 * K,
-            "m",
-            "N",
-            -SPREAD,
-            SPREAD,
-            10.0,
-            "lower Cholesky factors of their covariances, row by row",
-            each=K,
-        ),
-        Field("vhat_O_N", 3 * K, "m/s", "N", -50.0, 50.0, 5.0, "estimated velocities of these", K),
-        Field("radius_O", K, "m", "", 0.0, 500.0, 20.0, "radii of their safety spheres", K),
-        Field("valid_O", K, "", "", 0.0, 1.0, 1.0, "1 where there is an obstacle", K),
-        Field("slot_O", K, "", "", 0.0, K, 8.0, "which track it is, whatever its place", K),
-    )
-)
-TOLD_TOO = Layout(
-    (
-        # in front, lest Numba take such a row for one of the other kind
-        Field(
-            "r_OV_N", 3 * K, "m", "N", -FAR, FAR, 100.0, "true positions of the obstacles below", K
-        ),
-        *OBSERVATION.fields,
-    )
-)
 ACTION = Layout(
     (
         Field(
@@ -222,53 +187,6 @@ def believe(lane, cfg, work):
             relative(lane, j, cfg, T["r"][j])
         for i in range(3):
             lane["x_O"][j, i + 3] = lane["v_O_N"][j, i] if j < lane["count"] else 0.0
-
-
-@kernel
-def tell(lane, cfg, work):
-    """Write the row: the waypoint, and the tracks in the order of their time to go."""
-    T, v, key, order, count = lane["tracks"], lane["v_V_N"], work["key"], work["order"], 0
-    relative(lane, GOAL, cfg, lane["rhat_WV_N"])
-    square = max(v[0] * v[0] + v[1] * v[1] + v[2] * v[2], 1e-9)
-    for j in range(K + 1):
-        if T["alive"][j] == 0.0:
-            continue
-        r = T["r"][j]
-        if T["owner"][j] == GOAL:
-            for i in range(3):
-                lane["rhat_WV_N"][i] = r[i]
-            continue
-        t = (r[0] * v[0] + r[1] * v[1] + r[2] * v[2]) / square
-        t = t if t >= 0.0 else 1e9 - t
-        k = count
-        while k > 0 and key[k - 1] > t:
-            if k < K:
-                key[k], order[k] = key[k - 1], order[k - 1]
-            k -= 1
-        if k < K:
-            key[k], order[k] = t, j
-        count = min(count + 1, K)
-    # never slower than a tenth of the speed at the start, so that the time stays finite
-    lane["t_go"] = lane["rhat_WV_N"][0] / max(v[0], 0.1 * lane["speed"])
-    for k in range(K):
-        write_track(lane, k, order[k] if k < count else -1, cfg)
-
-
-@kernel
-def write_track(lane, k, j, cfg):
-    """Write track j into place k of the row, or zeros for j = -1."""
-    T, there = lane["tracks"], 1.0 if j >= 0 else 0.0
-    for i in range(3):
-        lane["rhat_OV_N"][k, i] = lane["r_OV_N"][k, i] = T["r"][j, i] if j >= 0 else 0.0
-        lane["vhat_O_N"][k, i] = lane["x_O"][j, i + 3] if j >= 0 else 0.0
-    if j >= 0 and T["owner"][j] >= 0.0:
-        relative(lane, int(T["owner"][j]), cfg, lane["r_OV_N"][k])
-    lane["chol_OV"][k, :] = 0.0
-    lane["valid_O"][k], lane["slot_O"][k], lane["radius_O"][k] = there, max(j, 0), 0.0
-    if j >= 0:
-        pack_lower(T["cov"][j], lane["chol_OV"][k])
-        factorise(lane["chol_OV"][k], 3)
-        lane["radius_O"][k] = lane["radius"][max(int(T["owner"][j]), 0)]
 
 
 @kernel
@@ -462,7 +380,7 @@ TASK = Task(
     scenarios=SCENARIOS,
     lane=LANE,
     observation=OBSERVATION,
-    views={"belief": OBSERVATION, "told": TOLD_TOO},
+    views={"belief": OBSERVATION, "told": TOLD_TOO, "cones": CONE_TOO},
     pictures={"pixels": Frames("visenvs.envs._avoidance_images:frames", "frame")},
     action=ACTION,
     costs=("cost_control", "cost_violation", "cost_divergence", "cost_miss"),

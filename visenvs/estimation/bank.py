@@ -24,13 +24,13 @@ def begin(x, P, r0, weights, xs, Ps):
     """Divide the prior that `inverse_range.begin` wrote (x, P, r0) among the cells.
 
     Args:
-        weights: written, (CELLS,), of sum 1.
-        xs, Ps: states, (CELLS, 3), and covariances, (CELLS, 3, 3), written.
+        weights: written, (cells,), of sum 1.
+        xs, Ps: states, (cells, 3), and covariances, (cells, 3, 3), written.
     """
     deviation, total = math.sqrt(P[2, 2]), 0.0
     low = max(x[2] - REACH * deviation, inverse_range.LEAST / r0)
-    width = (min(x[2] + REACH * deviation, inverse_range.MOST / r0) - low) / CELLS
-    for k in range(CELLS):
+    width = (min(x[2] + REACH * deviation, inverse_range.MOST / r0) - low) / weights.shape[0]
+    for k in range(weights.shape[0]):
         rho = low + (k + 0.5) * width
         weights[k] = math.exp(-0.5 * ((rho - x[2]) / deviation) ** 2)
         total += weights[k]
@@ -39,7 +39,7 @@ def begin(x, P, r0, weights, xs, Ps):
             for j in range(3):
                 Ps[k, i, j] = P[i, j]
         xs[k, 2], Ps[k, 2, 2] = rho, width * width / 12.0
-    for k in range(CELLS):
+    for k in range(weights.shape[0]):
         weights[k] /= total
 
 
@@ -52,7 +52,7 @@ def update(weights, xs, Ps, anchor, r0, r_V, C, measured, cfg, scratch):
     Args: as of `inverse_range.update_unscented` and `begin`.
     """
     r, J, S, nis, best = scratch["r"], scratch["J"], scratch["S"], 0.0, -math.inf
-    for k in range(CELLS):
+    for k in range(weights.shape[0]):
         if weights[k] > 0.0:
             inverse_range.position(xs[k], anchor, r_V, scratch["A"], r, J)
             value = sighting.update(xs[k], Ps[k], r, J, C, measured, cfg, scratch)
@@ -70,11 +70,11 @@ def update(weights, xs, Ps, anchor, r0, r_V, C, measured, cfg, scratch):
 def normalise(weights, best):
     """Turn logarithms of weights into weights of sum 1, the negligible ones into zero, in place."""
     total = 0.0
-    for k in range(CELLS):
+    for k in range(weights.shape[0]):
         weights[k] = math.exp(weights[k] - best)
         weights[k] = weights[k] if weights[k] > NEGLIGIBLE else 0.0
         total += weights[k]
-    for k in range(CELLS):
+    for k in range(weights.shape[0]):
         weights[k] /= total
 
 
@@ -88,7 +88,7 @@ def moments(weights, xs, Ps, anchor, r_V, r, cov, scratch):
     """
     at, J, u, inverse = scratch["r"], scratch["J"], scratch["u"], 0.0
     u[:] = 0.0
-    for k in range(CELLS):
+    for k in range(weights.shape[0]):
         if weights[k] > 0.0:
             inverse_range.position(xs[k], anchor, r_V, scratch["A"], at, J)
             near = 1.0 / max(math.sqrt(at[0] * at[0] + at[1] * at[1] + at[2] * at[2]), TINY)
@@ -99,7 +99,7 @@ def moments(weights, xs, Ps, anchor, r_V, r, cov, scratch):
     for i in range(3):
         r[i] = u[i] / length
     cov[:] = 0.0
-    for k in range(CELLS):
+    for k in range(weights.shape[0]):
         if weights[k] > 0.0:
             inverse_range.position(xs[k], anchor, r_V, scratch["A"], at, J)
             sighting.spread(Ps[k], J, scratch["W"], scratch["D"])

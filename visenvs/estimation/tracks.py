@@ -27,12 +27,12 @@ FULL, THESIS = range(2)
 NOBODY = -1.0  # label of a sighting that is of no object
 
 
-def tracks_dtype(slots: int, window: int = 1) -> np.dtype[Any]:
-    """Record of so many tracks; `window` is how many sightings BATCH linearises anew."""
-    if slots < 1 or window < 1:
+def tracks_dtype(slots: int, window: int = 1, cells: int = bank.CELLS) -> np.dtype[Any]:
+    """Record of so many tracks, `window` sightings that BATCH linearises anew, `cells` of BANK."""
+    if min(slots, window, cells) < 1:
         raise ValueError(
-            f"slots={slots}, window={window}: a record holds at least one track, and a track one "
-            "sighting; write `tracks_dtype(6, window=1)`"
+            f"slots={slots}, window={window}, cells={cells}: a record holds at least one track, "
+            "and a track one sighting and one cell; write `tracks_dtype(6, window=1)`"
         )
     one = ("prior", "alive", "hits", "missed", "unseen", "owner", "ahead", "in_view")
     return np.dtype(
@@ -44,9 +44,9 @@ def tracks_dtype(slots: int, window: int = 1) -> np.dtype[Any]:
             ("predicted", "f8", (slots, 2)),
             ("history", "f8", (slots, spherical.HISTORY_ROWS, 3)),
             ("window", "f8", (slots, 1 + window, batch.WIDTH)),
-            ("weights", "f8", (slots, bank.CELLS)),
-            ("xs", "f8", (slots, bank.CELLS, 3)),
-            ("Ps", "f8", (slots, bank.CELLS, 3, 3)),
+            ("weights", "f8", (slots, cells)),
+            ("xs", "f8", (slots, cells, 3)),
+            ("Ps", "f8", (slots, cells, 3, 3)),
             *((name, "f8") for name in ("made", "ghosts", "wrong", "dropped")),
         ]
     )

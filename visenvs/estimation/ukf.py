@@ -1,4 +1,4 @@
-"""The unscented Kalman filter for one measured angle, written out for small states.
+"""The unscented Kalman filter, written out for small states: one measured angle at a time.
 
 2 n + 1 points stand for a Gaussian: its mean, and two points along each column of its Cholesky
 factor (Julier and Uhlmann 2004). `spread` is n + kappa: n gives the centre no weight, which is the
@@ -77,3 +77,28 @@ def update_angle(x, P, points, spread, angles, measured, variance, cross):
             P[a, b] -= gain * cross[b]
             P[b, a] = P[a, b]
     return innovation, S
+
+
+@kernel
+def recombine(points, spread, Q, x, P):
+    """Mean and covariance of points that have been moved, and noise Q added (prediction).
+
+    Args:
+        points: of `sigma_points`, each moved, shape (2 n + 1, n).
+        spread: as given there.
+        Q: noise covariance, (n, n).
+        x, P: written, (n,) and (n, n).
+    """
+    n = x.shape[0]
+    weight, centre = 0.5 / spread, 1.0 - n / spread
+    for a in range(n):
+        total = centre * points[0, a]
+        for j in range(1, 2 * n + 1):
+            total += weight * points[j, a]
+        x[a] = total
+    for a in range(n):
+        for b in range(a + 1):
+            total = centre * (points[0, a] - x[a]) * (points[0, b] - x[b])
+            for j in range(1, 2 * n + 1):
+                total += weight * (points[j, a] - x[a]) * (points[j, b] - x[b])
+            P[a, b] = P[b, a] = total + 0.5 * (Q[a, b] + Q[b, a])

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from visenvs.core.config import Config, field_types, to_record
 from visenvs.core.lanes import Task
-from visenvs.core.layout import Choices
+from visenvs.core.layout import Choices, Layout
 from visenvs.core.registry import Law
 
 Rows = NDArray[np.float32]
@@ -47,7 +47,8 @@ class LawPolicy:
         self.law = law
         self._task = task
         self._settings = to_record(config)
-        self._limit = float(self._settings[law.limit][0]) if law.limit else 0.0
+        layout = task.action if isinstance(task.action, Layout) else None
+        self._parts = parts(law, layout, config) if layout and law.limit else []
         self._memory = law.memory(self._settings[0], task.action.size) if law.memory else 0
 
     def predict(
@@ -57,7 +58,7 @@ class LawPolicy:
         episode_start: NDArray[np.bool_] | None = None,
         deterministic: bool = True,
     ) -> tuple[Actions, State | None]:
-        """Commands of the law over the largest one; longer ones keep their direction.
+        """Commands of the law over the largest ones; longer ones keep their direction.
 
         Of a law that chooses, the numbers of its choices, (n,).
         """
@@ -73,6 +74,23 @@ class LawPolicy:
             self.law.decide(beliefs, self._settings, commands)
         if not self.law.limit:
             return commands[:, 0].astype(np.int64), state
-        commands /= self._limit
-        length = np.linalg.norm(commands, axis=1, keepdims=True)
-        return (commands / np.maximum(length, 1.0)).astype(np.float32), state
+        for columns, limit in self._parts:
+            part = commands[:, columns] / limit
+            length = np.linalg.norm(part, axis=1, keepdims=True)
+            commands[:, columns] = part / np.maximum(length, 1.0)
+        return commands.astype(np.float32), state
+
+
+def parts(law: Law, layout: Layout, config: Config) -> list[tuple[slice, float]]:
+    """Columns of every field of the action, and the setting that holds its largest command.
+
+    That is the setting which the field's unit names, or else the law's.
+    """
+    settings, start = to_record(config), 0
+    out: list[tuple[slice, float]] = []
+    for field in layout.fields:
+        names = settings.dtype.names or ()
+        limit = float(settings[field.unit if field.unit in names else law.limit][0])
+        out.append((slice(start, start + field.size), limit))
+        start += field.size
+    return out

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -24,12 +25,13 @@ ENDINGS = {
     Outcome.SUCCESS: ("success", style.GREEN),
     Outcome.MISS: ("miss", style.VERMILLION),
     Outcome.COLLISION: ("collision", style.VERMILLION),
+    Outcome.LOST: ("leader lost", style.VERMILLION),
     Outcome.TIME_LIMIT: ("time limit", style.VERMILLION),
     Outcome.DIVERGED: ("diverged", style.VERMILLION),
 }
 
 
-def paper(title: str, plots: dict[str, Box]) -> Image:
+def paper(title: str, plots: Mapping[str, Box]) -> Image:
     """A sheet with its title and the headings of its plots, RGB, shape (HEIGHT, WIDTH, 3)."""
     image = np.empty((HEIGHT, WIDTH, 3), np.uint8)
     style.paint(image, style.PAPER)
@@ -147,11 +149,12 @@ def draw_figures(
     outcome = Outcome(int(record["outcome"]))
     if outcome in ENDINGS:
         name, colour = ENDINGS[outcome]
-        miss = float(record["miss_distance"])
         chip = Panel(image, left, top + height - 30, width, 30)
         chip.clear(colour)
-        near = outcome in (Outcome.SUCCESS, Outcome.MISS)
-        text = f"{name}: {figures(miss)} m off" if near else name
+        text = name
+        named = record.dtype.names or ()
+        if outcome in (Outcome.SUCCESS, Outcome.MISS) and "miss_distance" in named:
+            text = f"{name}: {figures(float(record['miss_distance']))} m off"
         write(image, text, (left + 10, chip.top + 20), 15, style.WHITE)
 
 

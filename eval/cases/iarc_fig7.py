@@ -1,0 +1,114 @@
+"""Figure 7 of the IARC paper: how many robots are goaled, removed and left after ten minutes.
+
+The paper says that 24.5 % of its 1000 runs succeeded, and shows histograms. It does not say what a
+robot that heads for the goal line is, nor whether a bump restarts the robots' 20 s clock, nor how
+long a landing takes. Read here: the robot nearest to the goal line among those with cos(heading) <=
+-threshold is blocked; perfect information; landings from 2 m at 1 m/s; four obstacles. Both
+readings of the clock are flown: under `restart` the figure is in reach, under `firmware`, which is
+the official robots', all robots reverse together and the rule turns back those that were about to
+turn. Contacts are by geometry, which tests hold against pymunk's.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.registry import load
+from visenvs.core.config import override
+from visenvs.core.registry import load_task
+
+from ..rollout import PUBLIC_SEEDS, rollout
+from . import Row, standard_error
+
+CASE = "iarc-fig7"
+PAPER = 0.245
+THRESHOLDS = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
+COUNTS = ("goaled", "removed", "remained")
+CHUNK = 250  # seeds at once
+
+
+@cache
+def fly(law: str, restart: int, episodes: int) -> NDArray[Any]:
+    """Final lane records of a law under a reading of the clock, on the first public seeds."""
+    task = load_task("visenvs/Herding-v0")
+    changes = {"estimator": "truth", "arena": "kinematic", "bump_restarts_timer": restart}
+    config = override(task.scenarios["paper"], changes)
+    policy = load(law, task, config).policy
+    parts = [PUBLIC_SEEDS[i : min(i + CHUNK, episodes)] for i in range(0, episodes, CHUNK)]
+    return np.concatenate([rollout(policy, task, config, part).records for part in parts])
+
+
+def success(records: NDArray[Any]) -> NDArray[np.bool_]:
+    """Which runs brought seven robots over the goal line."""
+    return records["goaled"] >= 7
+
+
+def wilson(share: float, n: int) -> tuple[float, float]:
+    """95 % interval of a share (Wilson 1927)."""
+    z = 1.96
+    middle = (share + z * z / (2 * n)) / (1 + z * z / n)
+    half = z / (1 + z * z / n) * math.sqrt(share * (1 - share) / n + z * z / (4 * n * n))
+    return middle - half, middle + half
+
+
+def row(name: str, values: NDArray[Any], paper: float | None = None, **band: float) -> Row:
+    """The mean of a figure of every run."""
+    ours = values.astype(float)
+    return Row(f"{CASE}/{name}", paper, float(ours.mean()), standard_error(ours), len(ours), **band)
+
+
+def rows(episodes: int) -> list[Row]:
+    """P(>= 7 goaled) and mean counts: doing nothing, and the rule over thresholds and clocks."""
+    idle = fly("zero", 0, episodes)
+    out = [row("nothing/success", success(idle), high=0.005)]
+    out += [row(f"nothing/{count}", idle[count]) for count in COUNTS]
+    covering = 0
+    for threshold in THRESHOLDS:
+        flown = fly(f"paper-rule-{threshold:g}", 1, episodes)
+        at = f"restart/threshold=-{threshold:g}"
+        low, high = wilson(float(success(flown).mean()), episodes)
+        covering += low <= PAPER <= high
+        out.append(row(f"{at}/success", success(flown), PAPER, low=0.08, high=0.46))
+        out += [row(f"{at}/{count}", flown[count]) for count in COUNTS]
+    out.append(
+        Row(f"{CASE}/restart/thresholds_covering", None, covering, 0.0, len(THRESHOLDS), low=1)
+    )
+    for threshold in THRESHOLDS:
+        flown = fly(f"paper-rule-{threshold:g}", 0, episodes)
+        at = f"firmware/threshold=-{threshold:g}"
+        out.append(row(f"{at}/success", success(flown), PAPER, high=0.02))
+        out.append(row(f"{at}/goaled", flown["goaled"]))
+    return out
+
+
+def plot(folder: Path, episodes: int) -> Path:
+    """The paper's histograms under both readings, and success over the threshold."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(12, 7), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(2, 3)
+    for line, (name, restart) in enumerate((("restart", 1), ("firmware", 0))):
+        records = fly("paper-rule-0.4", restart, episodes)
+        for panel, count in zip(axes[:, line], ("goaled", "removed"), strict=True):
+            share = np.bincount(records[count].astype(int), minlength=11) / len(records)
+            panel.bar(range(11), share, color=f"C{line}")
+            panel.set(xlabel=count, ylabel="share of runs", title=f"{name}, threshold -0.4")
+        rates = [success(fly(f"paper-rule-{t:g}", restart, episodes)).mean() for t in THRESHOLDS]
+        axes[0, 2].plot([-t for t in THRESHOLDS], rates, f"C{line}.-", label=name)
+    axes[0, 2].axhline(PAPER, color="k", ls="--", label="paper")
+    axes[0, 2].set(xlabel="threshold of cos(heading)", ylabel="share of runs with 7 goaled")
+    axes[0, 2].legend()
+    left = fly("paper-rule-0.4", 1, episodes)["remained"].astype(int)
+    axes[1, 2].bar(range(11), np.bincount(left, minlength=11) / len(left), color="C0")
+    axes[1, 2].set(xlabel="remained", ylabel="share of runs", title="restart, threshold -0.4")
+    file = folder / f"{CASE}.png"
+    figure.savefig(file, dpi=110)
+    return file

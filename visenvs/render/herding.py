@@ -1,0 +1,199 @@
+"""The picture of herding: the arena from above with robots and tracks, and what the camera sees."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from visenvs.core.lanes import Task
+from visenvs.core.outcome import RUNNING, Outcome
+from visenvs.dynamics.ground_robot import ACTIVE, ROBOTS
+from visenvs.envs._herding_config import HerdingConfig
+from visenvs.guidance.choices import GO, HOVER, LOOK
+from visenvs.guidance.interception import TAP
+from visenvs.render import style
+from visenvs.render.canvas import Panel, Points
+from visenvs.render.scene import ENDINGS, paper
+from visenvs.render.style import Image, write
+from visenvs.sensors.ground_camera import HEIGHT, WIDTH, pixel_size
+
+ARENA = (44, 66, 448, 448)  # left, top, width, height of the plot, pixels
+CAMERA = (544, 66, 240, 180)
+STATUS = (544, 280)
+CLOCKS = (812, 84)
+MARGIN = 0.6  # around the lines, m
+SIGMAS = 2.0  # of the ellipses
+VAGUE = 1.5  # deviation from which on an ellipse is not filled, m
+HAND = 8  # radius of a clock, pixels
+STAGES = ("cruise", "descent", "on the ground", "climb")
+
+
+def draw(
+    record: np.void, config: HerdingConfig, task: Task, trail: NDArray[Any] | None = None
+) -> Image:
+    """Draw one lane record, RGB, shape (540, 960, 3).
+
+    Args:
+        record: lane record of the herding task, the first of a team.
+        config: its configuration.
+        task: its card.
+        trail: earlier records of the episode, shape (n,), for the path flown; None for no path.
+    """
+    image = paper("Herding", {"Arena, goal line at the top": ARENA, "Camera": CAMERA})
+    path = np.zeros((0, 2)) if trail is None else np.vstack([trail["r_V_N"], record["r_V_N"]])
+    with np.errstate(invalid="ignore", over="ignore"):  # the last record of a diverged lane
+        draw_arena(image, record, config, path)
+        draw_camera(image, record, config)
+        draw_clocks(image, record, config)
+        draw_status(image, record, config)
+    return image
+
+
+def above(points: Any) -> Points:
+    """Places (north, east) as (right, up)."""
+    return np.asarray(points, float).reshape(-1, 2)[:, ::-1]
+
+
+def ahead(heading: float) -> Points:
+    """Unit vector of a heading as (right, up)."""
+    return np.array([math.sin(heading), math.cos(heading)])
+
+
+def tracks(record: np.void) -> list[tuple[int, Points, Points, float]]:
+    """Number, place and direction (right, up), and deviation (m) of what is tracked."""
+    places = above(record["track_r_N"])
+    way = np.stack([record["track_sin"], record["track_cos"]], axis=1)
+    return [
+        (int(i), places[i], way[i], float(record["track_sd_r"][i]))
+        for i in np.flatnonzero(record["track_status"] == 1.0)
+    ]
+
+
+def footprint(record: np.void, config: HerdingConfig) -> Points:
+    """Corners of what the camera sees of the robots' tops, (right, up), m."""
+    pose = np.array([*record["r_V_N"], -record["height"], 0.0])
+    size = 0.5 * float(pixel_size(pose, config_fov(config)))
+    corner = np.array([WIDTH * size, HEIGHT * size])
+    signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    return above(record["r_V_N"]) + signs * corner
+
+
+def config_fov(config: HerdingConfig) -> Any:
+    """The camera's settings as the record that its kernels read."""
+    out = np.zeros(1, [("fov", "f8")])
+    out["fov"] = config.fov
+    return out[0]
+
+
+def draw_arena(image: Image, record: np.void, config: HerdingConfig, path: Points) -> None:
+    """Draw lines, footprint, tracks, robots, obstacles, aircraft and the path flown."""
+    half = 0.5 * config.side
+    panel = Panel(image, *ARENA, (0.0, 0.0), ARENA[2] / (config.side + 2 * MARGIN))
+    view, size = footprint(record, config), config.robot_radius * panel.scale
+    panel.clear()
+    panel.fill(view, style.SAND)
+    for _, at, _, sd in tracks(record):
+        if sd < VAGUE:
+            panel.fill(panel.ellipse(at, np.eye(2) * sd**2, SIGMAS), style.PALE_BLUE)
+    panel.grid()
+    panel.line(view, style.DARK_SAND, 1, closed=True)
+    west, east = np.array([-half, half]), np.array([half, half])
+    panel.line(np.array([west, east]), style.GREEN, 3)
+    panel.line(np.array([-west, -east]), style.VERMILLION, 3)
+    for side in (-half, half):
+        panel.line(np.array([[side, -half], [side, half]]), style.GREY, 1)
+    places = above(record["r_R_N"])
+    for k in np.flatnonzero(record["fate"] == ACTIVE):
+        colour = style.VERMILLION if k < ROBOTS else style.INK
+        panel.disc(places[k], size, colour, -1 if k < ROBOTS else 1)
+        tip = places[k] + 0.55 * ahead(float(record["heading"][k]))
+        panel.line(np.array([places[k], tip]), colour, 1)
+    for _, at, way, sd in tracks(record):
+        panel.line(panel.ellipse(at, np.eye(2) * sd**2, SIGMAS), style.BLUE, 1, closed=True)
+        panel.reticle(at, style.BLUE, 1)
+        panel.line(np.array([at, at + 0.8 * way]), style.BLUE, 1)
+    panel.path(above(path), style.GREY)
+    (here,), (aim,) = above(record["r_V_N"]), above(record["aim_N"])
+    panel.line(np.array([here, aim]), style.GREEN, 1)
+    panel.disc(here, config.aircraft_radius * panel.scale + 1, style.INK, 2)
+    panel.pointer(here, style.INK)
+    panel.border()
+    panel.labels("east (m)", "north (m)")
+
+
+def draw_camera(image: Image, record: np.void, config: HerdingConfig) -> None:
+    """Draw the picture of the camera: true robots in view, and what is tracked there."""
+    view = footprint(record, config)
+    width = max(float(view[1, 0] - view[0, 0]), 1e-3)
+    (here,) = above(record["r_V_N"])
+    panel = Panel(image, *CAMERA, (float(here[0]), float(here[1])), CAMERA[2] / width)
+    panel.clear(style.WHITE)
+    places = above(record["r_R_N"])
+    for k in np.flatnonzero(record["fate"] == ACTIVE):
+        colour = style.VERMILLION if k < ROBOTS else style.INK
+        panel.disc(places[k], config.robot_radius * panel.scale, colour, 2)
+    for i, at, way, sd in tracks(record):
+        panel.line(panel.ellipse(at, np.eye(2) * sd**2, SIGMAS), style.BLUE, 1, closed=True)
+        panel.reticle(at, style.BLUE, 1)
+        turning = float(record["track_p_spin"][i]) > 0.5
+        panel.line(np.array([at, at + 0.4 * way]), style.GREEN if turning else style.BLUE, 2)
+    panel.border()
+
+
+def draw_clocks(image: Image, record: np.void, config: HerdingConfig) -> None:
+    """Draw a clock for each track: how far its 20 s are gone."""
+    left, top = CLOCKS
+    write(image, "20 s clocks", (left - HAND, top - 6), 12, style.GREY)
+    for i in range(ROBOTS):
+        panel = Panel(image, left, top + i * 22, 2 * HAND, 2 * HAND, (0.0, 0.0), HAND)
+        status = float(np.nan_to_num(record["track_status"][i]))
+        colour = style.BLUE if status == 1.0 else style.FRAME
+        panel.disc(np.zeros(2), HAND - 1, colour, 1)
+        if status == 1.0:
+            turn = 2.0 * math.pi * float(record["track_phase"][i]) / config.period
+            panel.line(np.array([np.zeros(2), 0.8 * ahead(turn)]), colour, 2)
+        age = float(record["track_age"][i])
+        seen = ("no track", f"seen {age:.1f} s ago", "out")[int(status)]
+        write(image, f"{i}  {seen}", (left + 24, top + 13 + i * 22), 12, style.GREY)
+
+
+def draw_status(image: Image, record: np.void, config: HerdingConfig) -> None:
+    """Write time, score, and what the aircraft is doing."""
+    left, top = STATUS
+    outcome = Outcome(int(record["outcome"]))
+    lines = [
+        ("time left", f"{float(record['t_go']):.0f} s"),
+        ("goaled / removed", f"{int(record['goaled'])} / {int(record['removed'])}"),
+        ("bumps / touches", f"{int(record['blocks'])} / {int(record['taps'])}"),
+        ("height", f"{float(record['height']):.2f} m, {stage(record)}"),
+        ("bound for", business(record)),
+        ("cost", f"{float(record['total_cost']):.2f} thousand points"),
+    ]
+    for i, (name, text) in enumerate(lines):
+        write(image, name, (left, top + i * 22), 13, style.GREY)
+        write(image, text, (left + 120, top + i * 22), 13)
+    if outcome != RUNNING:
+        text, colour = ENDINGS[outcome]
+        write(image, text, (left, top + len(lines) * 22 + 8), 16, colour)
+    write(image, "red: robots, with obstacles in black; blue: tracks", (left, 500), 12, style.GREY)
+    write(image, "with 2 sigma; sand: what the camera sees", (left, 516), 12, style.GREY)
+
+
+def stage(record: np.void) -> str:
+    """The stage in words."""
+    number = float(record["stage"])
+    return STAGES[int(number)] if math.isfinite(number) else ""
+
+
+def business(record: np.void) -> str:
+    """What the aircraft has chosen, in words."""
+    service, target = int(record["service"]), int(record["target"])
+    if service == HOVER:
+        return "nothing"
+    if service == GO:
+        return f"place {target}"
+    what = "a look at" if service == LOOK else "the top of" if service == TAP else "the front of"
+    return f"{what} {target}"
