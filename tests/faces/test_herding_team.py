@@ -1,10 +1,15 @@
 """One and four aircraft that share an arena, through PettingZoo."""
 
+import warnings
+
 import numpy as np
 import pytest
-from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test
 
 from visenvs import herding_v0
+
+with warnings.catch_warnings():  # it imports a game by a way that it calls old
+    warnings.simplefilter("ignore", DeprecationWarning)
+    from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test
 
 QUICK = {"estimator": "truth", "arena": "kinematic", "t_f": 30.0}
 
