@@ -17,7 +17,7 @@ install: $(INSTALLED) ## create .venv and install what the other targets need
 
 leaderboard: $(INSTALLED) ## fly every law and the shipped policy on the public seeds, write a page
 	@mkdir -p $(dir $(PAGE))
-	$(BIN)/python -m eval.leaderboard --html $(PAGE)
+	$(BIN)/python -m eval.leaderboard --backend processes --html $(PAGE)
 	@echo "The page is $(abspath $(PAGE))"
 
 test: $(INSTALLED) ## run the tests, then those of the kernels without compilation

@@ -113,8 +113,9 @@ class SetChoicePolicy(MaskableActorCriticPolicy):
         things: Any = self.features_extractor
         self.action_net = Head(things.pooled, things.each, self._width, self._choices)
         self.value_net = Worth(things.pooled, self._width)
+        last: Any = self.action_net.others[-1]
         with torch.no_grad():  # begin with nearly equal chances
             self.action_net.apiece.weight.mul_(0.1)
-            self.action_net.others[-1].weight.mul_(0.1)
-        options: Any = self.optimizer_kwargs
-        self.optimizer = self.optimizer_class(self.parameters(), lr=lr_schedule(1), **options)
+            last.weight.mul_(0.1)
+        make: Any = self.optimizer_class
+        self.optimizer = make(self.parameters(), lr=lr_schedule(1), **self.optimizer_kwargs)

@@ -52,6 +52,11 @@ class Residual:
         action, _ = self._law.predict(observation)
         return np.clip(action + self._scale * correction, -1.0, 1.0).astype(np.float32, copy=False)
 
+    def missing(self, observation: Rows, wanted: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The corrections that make `combine` give the wanted actions, (n, size), not clipped."""
+        action, _ = self._law.predict(observation)
+        return (wanted - action) / self._scale
+
 
 class LearnedPolicy:
     """A network, alone or as a residual on a law; among choices, it is told which may be taken."""
@@ -75,7 +80,7 @@ class LearnedPolicy:
             allowed = choices.allowed(observation, self._task.observation)
             return self._network.predict(*told, action_masks=allowed)
         if self._plain and deterministic:
-            action = _mean(self._network, observation)
+            action = np.clip(_mean(self._network, observation), -1.0, 1.0)
         else:
             action, state = self._network.predict(*told)
         if self._residual is not None:
@@ -96,7 +101,7 @@ def _mean(network: Any, observation: NDArray[Any]) -> Rows:
 
     with torch.inference_mode():
         rows = torch.from_numpy(np.ascontiguousarray(observation))
-        features = network.extract_features(rows, network.pi_features_extractor)
+        features = network.pi_features_extractor(rows)  # shared with the critic or not
         return network.action_net(network.mlp_extractor.forward_actor(features)).numpy()
 
 

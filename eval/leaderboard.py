@@ -22,9 +22,10 @@ from . import page, results, tables
 from .board import Board, Row, make_board, missing_row, result_row
 from .jobs import Job, Scene, fly, plan_scene
 from .rollout import public_seeds, shards
+from .summary import summary
 
 PROGRAM = "eval.leaderboard"
-BLOCK = "leaderboard"  # the marker in Markdown files
+BLOCK, SUMMARY = "leaderboard", "summary"  # the markers in Markdown files
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,8 @@ class Options(Workers):
     """Write the rows here."""
     html: Path | None = None
     """Write a page with the table and plots here: one file that needs no network."""
+    summary: Path | None = None
+    """The same for <!-- summary --> with the best law and network of each environment."""
     markdown: Path | None = None
     """Replace the block between <!-- leaderboard --> and <!-- /leaderboard --> in this file."""
     trust: bool = False
@@ -154,11 +157,16 @@ def _split(policies: str) -> list[str]:
 def _check_outputs(options: Options) -> None:
     """Fail on outputs that cannot be written before the long work starts."""
     results.RESULTS.mkdir(parents=True, exist_ok=True)
-    for path in (results.RESULTS / "trial.json", options.json, options.html, options.markdown):
+    for path in (results.RESULTS / "trial.json", *_outputs(options)):
         if path is not None:
             check_writable(path)
-    if options.markdown is not None:
-        results.replace_block(options.markdown, BLOCK, None)
+    for name, path in (BLOCK, options.markdown), (SUMMARY, options.summary):
+        if path is not None:
+            results.replace_block(path, name, None)
+
+
+def _outputs(options: Options) -> tuple[Path | None, ...]:
+    return options.json, options.html, options.markdown, options.summary
 
 
 def _write(options: Options, boards: Sequence[Board], made: dict[str, Any]) -> list[Path]:
@@ -170,7 +178,9 @@ def _write(options: Options, boards: Sequence[Board], made: dict[str, Any]) -> l
     if options.markdown is not None:
         block = "\n\n".join(tables.markdown(board, made) for board in boards)
         results.replace_block(options.markdown, BLOCK, block)
-    return [path for path in (options.json, options.html, options.markdown) if path is not None]
+    if options.summary is not None:
+        results.replace_block(options.summary, SUMMARY, summary(boards))
+    return [path for path in _outputs(options) if path is not None]
 
 
 if __name__ == "__main__":

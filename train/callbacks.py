@@ -66,7 +66,7 @@ class Keeper(BaseCallback):
     def keep(self) -> None:
         """Validate now, keep the model if it is the best, and write the checkpoint."""
         found = validate(self.model, self._lanes)
-        for name, value in found.items():
+        for name, value in found.items() if self.n_calls else ():  # before training there is no log
             self.logger.record(f"validation/{name}", value)
         if self.best is None or found["cost_mean"] < self.best["cost_mean"]:
             with replacing(self._out / "model.zip") as path:

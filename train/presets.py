@@ -107,11 +107,20 @@ PRESETS: dict[tuple[str, Algo], Preset] = {
         validation=100,
         settings={"arena": "kinematic"},
     ),
-    # whole episodes, all of one length: parts of them would teach one phase of the flight at a time
+    # whole episodes, all of one length: parts of them would teach one phase of the flight at a
+    # time; a push is held for four seconds, since noise at every step hardly moves the aircraft
     ("visenvs/Mapping-v0", "ppo"): Preset(
         64,
-        ON_POLICY | {"n_steps": 120, "batch_size": 1920, "gamma": 0.97, "gae_lambda": 0.9},
-        {"net_arch": {"pi": [32], "vf": [64, 64]}, "log_std_init": -0.7},
+        ON_POLICY
+        | {
+            "n_steps": 120,
+            "batch_size": 1920,
+            "learning_rate": 7e-4,
+            "gamma": 0.97,
+            "use_sde": True,
+            "sde_sample_freq": 8,
+        },
+        {"net_arch": {"pi": [32], "vf": [64, 64]}, "log_std_init": -2.0},
         residual_scale=0.5,
         unit=0.02,
     ),

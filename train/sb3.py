@@ -31,6 +31,7 @@ from .callbacks import Keeper, checkpoint
 from .imitation import imitate
 from .presets import Algo, Preset, preset_for
 from .shaping import potential_of
+from .tutor import learn_from_truth, teacher_of
 from .vec_env import LaneVecEnv
 
 ALGORITHMS: dict[str, type[BaseAlgorithm]] = {
@@ -42,6 +43,7 @@ ALGORITHMS: dict[str, type[BaseAlgorithm]] = {
 }
 POLICIES = {"recurrent_ppo": "MlpLstmPolicy"}
 TRAINING_SEEDS = 90_000
+TUTORED = 600  # steps of every lane in a round of tutoring
 VALIDATION_SEEDS = range(90_000, 91_000)
 
 
@@ -75,6 +77,8 @@ class Options:
     """a law that a network that chooses imitates before it learns (maskable_ppo)"""
     validate_every: int = 250_000
     """steps between validations and checkpoints"""
+    tutor: int | None = None
+    """rounds of learning what perfect information would command, before PPO starts"""
 
 
 def train(options: Options, preset: Preset | None = None) -> None:
@@ -109,8 +113,11 @@ def train(options: Options, preset: Preset | None = None) -> None:
     began, cpu, before = time.time(), time.process_time(), model.num_timesteps
     finished = False
     try:
+        if options.tutor and before == 0:
+            begin_with_tutor(options.tutor, model, lanes, task, config, keeper)
+            before = model.num_timesteps
         model.learn(
-            options.steps - before,
+            max(options.steps - before, 0),
             callback=keeper,
             reset_num_timesteps=False,
             progress_bar=True,
@@ -140,6 +147,17 @@ def train(options: Options, preset: Preset | None = None) -> None:
         f"try it: python -m eval.leaderboard --env {options.env} "
         f"--policies {task.reference},{options.out / 'model.zip'}"
     )
+
+
+def begin_with_tutor(
+    rounds: int, model: Any, lanes: LaneVecEnv, task: Task, config: Config, keeper: Keeper
+) -> None:
+    """Learn from the truth, count the steps that this took, and keep the result."""
+    teacher = teacher_of(task, config)
+    model.num_timesteps = learn_from_truth(model, lanes, teacher, rounds, TUTORED)
+    keeper.init_callback(model)
+    keeper.num_timesteps = model.num_timesteps
+    keeper.keep()
 
 
 def check(options: Options) -> None:
@@ -296,7 +314,7 @@ def card(
         "reached": best,
         "seeds": {
             "training": [0, TRAINING_SEEDS - 1],
-            "validation": [VALIDATION_SEEDS[0], VALIDATION_SEEDS[preset.validation - 1]],
+            "validation": [VALIDATION_SEEDS[0], VALIDATION_SEEDS[: preset.validation][-1]],
         },
         "sha256": digest(options.out / "model.zip"),
         **{key: run[key] for key in ("command", "versions", "commit", "date")},

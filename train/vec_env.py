@@ -96,6 +96,12 @@ class LaneVecEnv(VecEnv):
             infos,
         )
 
+    def correction(self, wanted: NDArray[np.float64]) -> NDArray[np.float32]:
+        """What a network has to say now, within [-1, 1], so that the actions `wanted` come out."""
+        if self._residual is not None:
+            wanted = self._residual.missing(self.lanes.rows, wanted)
+        return np.clip(wanted, -1.0, 1.0).astype(np.float32)
+
     def _finish(self, done: NDArray[np.bool_], infos: list[dict[str, Any]]) -> None:
         elapsed = round(time.time() - self._start, 6)
         truncated = self.lanes.truncated

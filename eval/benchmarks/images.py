@@ -131,4 +131,8 @@ def pyflyt() -> Portion:
     start, level = np.array([[0.0, 0.0, 2.0]]), np.zeros((1, 3))
     camera = {"use_camera": True, "camera_resolution": (OPTICS.height, OPTICS.width)}
     sky = Aviary(start, level, drone_type="quadx", drone_options=camera)
-    return each(lambda _: sky.drones[0].capture_image())
+
+    def take(_: int) -> None:
+        sky.drones[0].capture_image()
+
+    return each(take)

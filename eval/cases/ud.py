@@ -37,7 +37,7 @@ def rows(episodes: int) -> list[Row]:
     judged = {"conventional": (None, None), "joseph": (None, 0.0), "ud": (0.0, None)}
     for name, least in three_states().items():
         at = f"{CASE}/single/three-states/{name}/least_eigenvalue"
-        out.append(Row(at, None, least, 0.0, 1, *judged[name]))
+        out.append(Row(at, None, least, 0.0, 3, *judged[name]))
     for sigma in (1e-2, 1e-3, 1e-4):
         for name, lost in broken_frames(np.float32(sigma)).items():
             at = f"{CASE}/single/map/{sigma:g}/{name}/broken_frames"
@@ -135,7 +135,7 @@ def broken_frames(sigma: np.float32) -> dict[str, int]:
     whole = np.eye(n, dtype=np.float32)
     whole[:m, :m] = F
     lost = dict.fromkeys([*FILTERS, "ud"], 0)
-    P = {name: np.eye(n, dtype=np.float32) for name in FILTERS}
+    P: dict[str, Array] = {name: np.eye(n, dtype=np.float32) for name in FILTERS}
     U, D = factored(np.eye(n, dtype=np.float32))
     W, weight = np.empty((m, m + s), np.float32), np.empty(m + s, np.float32)
     x, f, v, b = np.zeros((4, n), np.float32)
@@ -145,7 +145,7 @@ def broken_frames(sigma: np.float32) -> dict[str, int]:
             P[name][:m, :m] += G @ np.diag(q) @ G.T
         ud.predict_leading(U, D, F, G, q, W, weight, f[:m])
         for _ in range(40):
-            h = np.zeros(n, np.float32)
+            h: Array = np.zeros(n, np.float32)
             j = m + 3 * int(rng.integers((n - m) // 3))
             h[:9] = rng.normal(size=9).astype(np.float32)
             h[j : j + 3] = rng.normal(size=3).astype(np.float32)

@@ -18,7 +18,7 @@ from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.torch_layers import FlattenExtractor
 from torch import nn
 
-from agents.learned import LearnedPolicy, digest, load_network, read_card
+from agents.learned import LearnedPolicy, Residual, digest, load_network, read_card
 from agents.registry import load, shipped
 from eval.rollout import PUBLIC_SEEDS, rollout
 from visenvs.core.lanes import Lanes
@@ -131,7 +131,7 @@ def test_its_card_tells_what_it_is(env, name):
     assert card["seeds"] == {"training": [0, 89_999], "validation": [90_000, 90_999]}
     assert card["command"].startswith("python -m train.sb3 ")
     assert {"torch", "stable-baselines3", "numpy"} <= set(card["versions"])
-    assert card["reached"]["episodes"] == 1000
+    assert card["reached"]["episodes"] == 1000 * task.team(scenario)
 
 
 def test_the_shipped_residual_beats_its_law():
@@ -230,6 +230,20 @@ def test_a_residual_flies_the_law_and_its_share_of_the_network(file):
     net, _ = load_network(file, TASK).predict(lanes.rows, deterministic=True)
     assert found == pytest.approx(np.clip(law + 0.25 * net, -1.0, 1.0), abs=1e-6)
     assert np.abs(found - law).max() > 1e-3
+
+
+def test_a_correction_is_never_more_than_its_share(tmp_path):
+    """Of a network whose means lie far beyond its box, SB3 gives the edge; so in training."""
+    model = ppo(net_arch=[4])
+    with torch.no_grad():
+        model.policy.action_net.bias += 9.0
+    network = load_network(saved(model, tmp_path), TASK)
+    law = load("pn", TASK, CONFIG).policy
+    lanes = Lanes(TASK, CONFIG, 8)
+    lanes.reset(range(8))
+    found, _ = LearnedPolicy(network, TASK, Residual(law, 0.25)).predict(lanes.rows)
+    expected = np.clip(law.predict(lanes.rows)[0] + 0.25, -1.0, 1.0)
+    assert found == pytest.approx(expected, abs=1e-6)
 
 
 # trust

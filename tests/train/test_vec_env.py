@@ -184,6 +184,20 @@ def test_rewards_stop_at_the_floor_and_the_log_does_not():
     ]
 
 
+def test_what_is_cut_off_below_is_cut_off_above():
+    """Else a potential lost at once and regained at once would pay."""
+
+    def wave(lanes):
+        return 10.0 * np.sin(2.0 * lanes["step"].astype(float))
+
+    env, bare = brief(reward_floor=-3.0, potential=wave), brief(potential=wave)
+    actions = pushes(env, 8) * 0.0
+    _, cut, _, _ = flown(env, actions)
+    _, whole, _, _ = flown(bare, actions)
+    assert (whole > 3.0).any() and (whole < -3.0).any()
+    assert np.array_equal(cut, np.clip(whole, -3.0, 3.0))
+
+
 def test_a_seed_counts_from_the_next_reset_as_in_sb3():
     env = LaneVecEnv(CART, CARTS, [3, 1, 4])
     first = env.reset()

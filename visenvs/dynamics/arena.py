@@ -28,25 +28,29 @@ def settle(arena: Any, pads: NDArray[np.float64], near: NDArray[np.int64], cfg: 
         arena, pads, cfg: as in `kinematic_arena.touch`; cfg also has tick, s.
         near: 1 for the circles that are in contact (`kinematic_arena.crowded`), (CIRCLES,).
     """
+    r = arena["r_R_N"]
     space = pymunk.Space()
     space.collision_slop, space.collision_bias = 0.5 * SLOP, 0.0
-    chosen = [int(k) for k in np.flatnonzero(near)]
-    bodies = {k: robot(space, arena, k, float(cfg["robot_radius"])) for k in chosen}
-    number = {body.id: k for k, body in bodies.items()}
-    for m, (north, east, solid) in enumerate(pads.tolist()):
-        if solid:
-            stand(space, (north, east), float(cfg["aircraft_radius"]), m + 1)
+    radius, bodies = float(cfg["robot_radius"]), {}
+    number: dict[pymunk.Shape, int] = {}
+    for k in np.flatnonzero(near).tolist():
+        bodies[k] = body = pymunk.Body(MASS, float("inf"))  # pushed, never turned
+        number[add_circle(space, body, r[k], radius, ROBOT)] = k
+    for m in np.flatnonzero(pads[:, 2]).tolist():
+        body = pymunk.Body(body_type=pymunk.Body.STATIC)
+        stand = add_circle(space, body, pads[m], float(cfg["aircraft_radius"]), AIRCRAFT)
+        number[stand] = m
 
     def between_robots(arbiter: pymunk.Arbiter, _space: pymunk.Space, _data: Any) -> None:
-        one, other = (number[shape.body.id] for shape in arbiter.shapes)
-        north, east = bodies[other].position - bodies[one].position
+        one, other = (number[shape] for shape in arbiter.shapes)
+        north, east = r[other] - r[one]
         feel(arena, one, north, east, 0)
         feel(arena, other, -north, -east, 0)
 
     def with_aircraft(arbiter: pymunk.Arbiter, _space: pymunk.Space, _data: Any) -> None:
-        one, pad = arbiter.shapes
-        north, east = pad.body.position - one.body.position
-        feel(arena, number[one.body.id], north, east, pad.body.pad)
+        one, m = (number[shape] for shape in arbiter.shapes)
+        north, east = pads[m, :2] - r[one]
+        feel(arena, one, north, east, m + 1)
 
     space.on_collision(ROBOT, ROBOT, begin=between_robots)
     space.on_collision(ROBOT, AIRCRAFT, begin=with_aircraft)
@@ -54,24 +58,15 @@ def settle(arena: Any, pads: NDArray[np.float64], near: NDArray[np.int64], cfg: 
     for _ in range(2):
         space.step(float(cfg["tick"]))
     for k, body in bodies.items():
-        arena["r_R_N"][k] = body.position
+        r[k] = body.position
 
 
-def robot(space: pymunk.Space, arena: Any, k: int, radius: float) -> pymunk.Body:
-    """A circle that contacts push but do not turn."""
-    body = pymunk.Body(MASS, float("inf"))
-    body.position = tuple(arena["r_R_N"][k].tolist())
+def add_circle(
+    space: pymunk.Space, body: pymunk.Body, place: NDArray[np.float64], radius: float, kind: int
+) -> pymunk.Circle:
+    """Put a body in its place and give it a round shape of a collision type."""
+    body.position = float(place[0]), float(place[1])
     shape = pymunk.Circle(body, radius)
-    shape.collision_type = ROBOT
+    shape.collision_type = kind
     space.add(body, shape)
-    return body
-
-
-def stand(space: pymunk.Space, place: tuple[float, float], radius: float, pad: int) -> None:
-    """An aircraft on the ground: a circle that nothing moves."""
-    body = pymunk.Body(body_type=pymunk.Body.STATIC)
-    body.position = place
-    body.pad = pad  # type: ignore[attr-defined]
-    shape = pymunk.Circle(body, radius)
-    shape.collision_type = AIRCRAFT
-    space.add(body, shape)
+    return shape

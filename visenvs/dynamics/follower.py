@@ -6,6 +6,8 @@ import math
 
 from visenvs.core.compile import kernel
 
+LEAST_SPEED = 1.0  # m/s; a slower follower is taken to turn as one at this speed
+
 
 @kernel
 def limit(action, cfg, out):
@@ -24,7 +26,7 @@ def limit(action, cfg, out):
 
 @kernel
 def fly(lane, command, dt, lag, push):
-    """Obey a command in F for one inner step; the lag is integrated exactly, F held.
+    """Obey a command in F for one inner step; the lag is integrated exactly, F held at mid-turn.
 
     Args:
         lane: record with r_V_N, v_V_N, a_V_F (3,), changed in place, and heading, rad, which
@@ -37,7 +39,9 @@ def fly(lane, command, dt, lag, push):
     left = math.exp(-dt / lag)
     mean = lag * (1.0 - left)  # integral of the decay
     twice = lag * (dt - mean)  # and of that integral
-    c, s = math.cos(lane["heading"]), math.sin(lane["heading"])
+    speed = max(math.hypot(v[0], v[1]), LEAST_SPEED)
+    middle = lane["heading"] + 0.5 * dt * a[1] / speed
+    c, s = math.cos(middle), math.sin(middle)
     forward = dt * command[0] + mean * (a[0] - command[0])
     right = dt * command[1] + mean * (a[1] - command[1])
     down = dt * command[2] + mean * (a[2] - command[2])

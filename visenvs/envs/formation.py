@@ -36,7 +36,8 @@ LANE = lane_dtype([
     ("r_V_N", "f8", (3,)), ("v_V_N", "f8", (3,)), ("heading", "f8"),  # known to itself
     ("push", "f8", (SUBSTEPS, 3)),  # mean acceleration in each inner step, N
     ("size_told", "f8"), ("range_told", "f8"),
-    ("link", "f8"),  # 1 where the image processor works
+    ("link", "f8"),  # 1 where the image processor holds on
+    ("gone", "f8"),  # 1 where the follower that it follows has ended
     ("sight", filters.SIGHT), ("track", filters.TRACK), ("belief", filters.BELIEF),
     ("rhat_LV_F", "f8", (3,)), ("vhat_LV_F", "f8", (3,)), ("ahat_L_F", "f8", (3,)),
     ("sd_r_F", "f8", (3,)), ("sd_v_F", "f8", (3,)), ("sd_log_range", "f8"),
@@ -112,7 +113,7 @@ def move(lane, action, cfg, work):
         rate = wrap_angle(lane["heading"] - before) / dt
         before = lane["heading"]
         lane["turn_rate"] += (rate - lane["turn_rate"]) * dt / (cfg["turn_smoothing"] + dt)
-        # a follower that was copied flies straight on in case it has ended
+        # a follower that is followed is taken to fly straight on once it has ended
         leader, plan = lane["leader"], lane["plan"]
         v = leader["v_N"]
         wander(plan, v, dt, cfg, lane["seed"], lane["episode"], LEADER, step + i)
@@ -126,8 +127,10 @@ def meet(lanes, first, count, k, cfg, r):
     parent = parent_of(k - first, cfg)
     if parent >= 0:
         other = lanes[first + parent]
-        # one whose numbers are not finite any more will be found out at the end of the step
+        # numbers that are not finite any more are found out at the end of the step
+        lane["gone"] = 1.0
         if other["outcome"] == RUNNING and math.isfinite(other["r_V_N"][0] + other["v_V_N"][0]):
+            lane["gone"] = 0.0
             copy_leader(lane, other, cfg)
     point(lane, r)
     nearest = math.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
@@ -161,7 +164,7 @@ def look(lane, cfg, work):
     lane["link"] = linked(lane["link"], cfg, seed, episode, CAMERA, step, lane["agent"])
     point(lane, r)
     seen = lane["link"] > 0.0 and in_view(r, lane["heading"], cfg)
-    seen = seen and not dark[0] <= t < dark[0] + dark[1]
+    seen = seen and lane["gone"] == 0.0 and not dark[0] <= t < dark[0] + dark[1]
     lane["seen"] = 1.0 if seen else 0.0
     lane["age"] = 0.0 if seen else lane["age"] + cfg["dt"]
     for i in range(3):

@@ -225,5 +225,6 @@ TASK = Task(
     step_lanes=step_lanes,
     picture="visenvs.render.herding:draw",
     reference="index",
+    episodes=100,
     shown=("goaled", "t_success"),
 )

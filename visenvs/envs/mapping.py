@@ -260,5 +260,6 @@ TASK = Task(
     step_lanes=step_lanes,
     picture="visenvs.render.mapping:draw",
     reference="information-gain",
+    episodes=500,
     shown=("miss_distance", "coverage"),
 )

@@ -31,7 +31,7 @@ NEAREST = 1e-3  # m; r and b stay positive
 TRACK = np.dtype([("x", "f8", (SIZE,)), ("P", "f8", (SIZE, SIZE))])
 SCRATCH = np.dtype([
     ("polar", "f8", (10,)), ("factor", "f8", (SIZE * (SIZE + 1) // 2,)),
-    *((name, "f8", (SIZE,)) for name in ("middle", "f", "work")),
+    *((name, "f8", (SIZE,)) for name in ("middle", "f", "xi", "work")),
     *((name, "f8", (SIZE, SIZE)) for name in ("F", "Phi", "Q", "M")),
     ("H", "f8", (3, SIZE)), ("points", "f8", (POINTS, SIZE)), ("angles", "f8", (POINTS,)),
     *((name, "f8", (3,)) for name in ("a", "v", "u", "residual", "variance")),
@@ -217,18 +217,18 @@ def update_extended(track, sight, belief, cfg, scratch):
         for k in range(3):
             H[2, k] = -share * u[k] / r
     belief["nis"] = 0.0
-    middle = scratch["middle"]
+    xi = scratch["xi"]
     for j in range(SIZE):
-        middle[j] = 0.0
+        xi[j] = 0.0
     for i in range(rows):
         belief["innovation"][i] = left = residual[i]
         for j in range(SIZE):
-            left -= H[i, j] * middle[j]
+            left -= H[i, j] * xi[j]
         noise = 2.0 * variance if i == 2 else variance
-        total = update_scalar(middle, P, H, i, left, noise, work)
+        total = update_scalar(xi, P, H, i, left, noise, work)
         belief["nis"] += left * left / total
     for j in range(SIZE):
-        x[j] += middle[j]
+        x[j] += xi[j]
     x[B] = max(x[B], NEAREST)
 
 

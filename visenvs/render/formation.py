@@ -17,7 +17,7 @@ from visenvs.core.lanes import Task
 from visenvs.envs.formation import FormationConfig
 from visenvs.render import convoy, style
 from visenvs.render.canvas import Panel, Points
-from visenvs.render.scene import draw_figures, figures, paper
+from visenvs.render.scene import Box, draw_figures, figures, paper
 from visenvs.render.style import Image, write
 from visenvs.sensors.formation import half_wing
 
@@ -26,7 +26,7 @@ CHASE_VIEW = (520, 66, 240, 200)
 CAMERA = (520, 306, 240, 200)
 STATUS = (790, 66, 154, 440)
 
-BACK = 0.35  # of the height of the top view is behind the follower
+BACK = 0.2  # of the height of the top view is behind the follower
 ARROW_TIME = 1.0  # arrows show the displacement of this time, s
 ROOM = 1.45  # height ahead, in lengths of the longest commanded distance
 PLANES = {"top": np.array([[0.0, 1, 0], [1, 0, 0]]), "chase": np.array([[0.0, 1, 0], [0, 0, -1]])}
@@ -61,7 +61,7 @@ def draw(
 @cache
 def background() -> Image:
     """What no record changes: headings and legend."""
-    plots = {"Top view": TOP_VIEW, "From behind": CHASE_VIEW, "Camera": CAMERA}
+    plots: dict[str, Box] = {"Top view": TOP_VIEW, "From behind": CHASE_VIEW, "Camera": CAMERA}
     image = paper("Formation", plots)
     draw_legend(image)
     return image
@@ -87,7 +87,7 @@ def picture_scale(config: FormationConfig) -> float:
 
 def into_heading(record: np.void) -> Points:
     """The matrix that turns vectors of N into the follower's heading frame, (3, 3)."""
-    c, s = math.cos(record["heading"]), math.sin(record["heading"])
+    c, s = np.cos(record["heading"]), np.sin(record["heading"])
     return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
@@ -112,13 +112,13 @@ def draw_plane(
     panel.line(wide, style.BLUE, 1, closed=True)
     panel.line(narrow, style.BLUE, 1, closed=True)
     both = rows @ turn
-    panel.path((past["r_V_N"] - own) @ both.T, style.GREY)
-    panel.path((past["leader"]["r_N"] - own) @ both.T, style.VERMILLION)
     wing = turn @ np.array(half_wing(leader))
     panel.disc(command, 7.0, style.GREEN, 2)
     panel.line(np.array([rows @ (true - wing), rows @ (true + wing)]), style.VERMILLION, 3)
     panel.disc(rows @ true, 4.5, style.VERMILLION)
     if plane == "top":
+        panel.path((past["r_V_N"] - own) @ both.T, style.GREY)
+        panel.path((past["leader"]["r_N"] - own) @ both.T, style.VERMILLION)
         panel.arrow(rows @ true, ARROW_TIME * both @ leader["v_N"], style.VERMILLION)
         panel.arrow((0.0, 0.0), ARROW_TIME * both @ record["v_V_N"], style.INK)
         panel.dart((0.0, 0.0), (0.0, 1.0), style.INK)

@@ -20,12 +20,13 @@ from visenvs.render.scene import ENDINGS, paper
 from visenvs.render.style import Image, write
 from visenvs.sensors.ground_camera import HEIGHT, WIDTH, pixel_size
 
-ARENA = (44, 48, 470, 470)  # left, top, width, height of the plot, pixels
-CAMERA = (560, 48, 240, 180)
-STATUS = (560, 262)
-CLOCKS = (822, 66)
+ARENA = (44, 66, 448, 448)  # left, top, width, height of the plot, pixels
+CAMERA = (544, 66, 240, 180)
+STATUS = (544, 280)
+CLOCKS = (812, 84)
 MARGIN = 0.6  # around the lines, m
 SIGMAS = 2.0  # of the ellipses
+VAGUE = 1.5  # deviation from which on an ellipse is not filled, m
 HAND = 8  # radius of a clock, pixels
 STAGES = ("cruise", "descent", "on the ground", "climb")
 
@@ -95,7 +96,8 @@ def draw_arena(image: Image, record: np.void, config: HerdingConfig, path: Point
     panel.clear()
     panel.fill(view, style.SAND)
     for _, at, _, sd in tracks(record):
-        panel.fill(panel.ellipse(at, np.eye(2) * sd**2, SIGMAS), style.PALE_BLUE)
+        if sd < VAGUE:
+            panel.fill(panel.ellipse(at, np.eye(2) * sd**2, SIGMAS), style.PALE_BLUE)
     panel.grid()
     panel.line(view, style.DARK_SAND, 1, closed=True)
     west, east = np.array([-half, half]), np.array([half, half])

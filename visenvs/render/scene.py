@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -30,7 +31,7 @@ ENDINGS = {
 }
 
 
-def paper(title: str, plots: dict[str, Box]) -> Image:
+def paper(title: str, plots: Mapping[str, Box]) -> Image:
     """A sheet with its title and the headings of its plots, RGB, shape (HEIGHT, WIDTH, 3)."""
     image = np.empty((HEIGHT, WIDTH, 3), np.uint8)
     style.paint(image, style.PAPER)
@@ -151,7 +152,8 @@ def draw_figures(
         chip = Panel(image, left, top + height - 30, width, 30)
         chip.clear(colour)
         text = name
-        if outcome in (Outcome.SUCCESS, Outcome.MISS) and "miss_distance" in record.dtype.names:
+        named = record.dtype.names or ()
+        if outcome in (Outcome.SUCCESS, Outcome.MISS) and "miss_distance" in named:
             text = f"{name}: {figures(float(record['miss_distance']))} m off"
         write(image, text, (left + 10, chip.top + 20), 15, style.WHITE)
 

@@ -162,8 +162,7 @@ def paint_background(frame, C, r_V, heights, ground, clouds, texels, visibility,
             away = max(abs(down), 1e-4)
             t = (heights[0] if below else heights[1]) / away
             size = texels[0] if below else texels[1]
-            # a pixel's footprint is t / focal across, and longer along by 1 / away
-            footprint = t / focal / math.sqrt(away) / size
+            footprint = t / (focal * size)
             at_north, at_east = (r_V[0] + t * north) / size, (r_V[1] + t * east) / size
             d = t / visibility if below else 0.25 * t / visibility
             clear = 1.0 / (1.0 + d + 0.5 * d * d)

@@ -1,0 +1,37 @@
+"""One and four aircraft that share an arena, through PettingZoo."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+from visenvs import herding_v0
+
+with warnings.catch_warnings():  # it imports a game by a way that it calls old
+    warnings.simplefilter("ignore", DeprecationWarning)
+    from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test
+
+QUICK = {"estimator": "truth", "arena": "kinematic", "t_f": 30.0}
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+@pytest.mark.parametrize("aircraft", [1, 4])
+def test_pettingzoo_finds_nothing(aircraft):
+    parallel_api_test(herding_v0.parallel_env(aircraft=aircraft, **QUICK), num_cycles=100)
+    parallel_seed_test(lambda: herding_v0.parallel_env(aircraft=aircraft, **QUICK))
+    api_test(herding_v0.env(aircraft=aircraft, **QUICK), num_cycles=50)
+
+
+def test_all_see_one_arena_and_busy_ones_may_only_go_on():
+    env = herding_v0.parallel_env(aircraft=3, **QUICK)
+    _, infos = env.reset(seed=4)
+    assert env.possible_agents == ["aircraft_0", "aircraft_1", "aircraft_2"]
+    rng, busy = np.random.default_rng(0), 0
+    while env.agents:
+        masks = {agent: infos[agent]["action_mask"] for agent in env.agents}
+        busy += sum(mask.sum() == 1 for mask in masks.values())
+        assert all(mask[0] == 1 for mask in masks.values())
+        chosen = {a: int(rng.choice(np.flatnonzero(mask))) for a, mask in masks.items()}
+        _, rewards, _, _, infos = env.step(chosen)
+        assert len(set(rewards.values())) == 1
+    assert busy > 0
