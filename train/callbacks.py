@@ -10,13 +10,22 @@ import numpy as np
 from sb3_contrib import MaskablePPO
 from sb3_contrib.common.maskable.evaluation import evaluate_policy as evaluate_masked
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.callbacks import BaseCallback, ProgressBarCallback
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
 from visenvs.core.files import replacing
 
 from .vec_env import LaneVecEnv
+
+
+class Bar(ProgressBarCallback):
+    """SB3's progress bar, which can also be closed when training breaks off."""
+
+    def close(self) -> None:
+        """Close the bar, if there is one: what is left open prints when nobody expects it."""
+        if hasattr(self, "pbar"):
+            self.pbar.close()
 
 
 class Keeper(BaseCallback):

@@ -27,7 +27,7 @@ from visenvs.core.layout import Choices
 from visenvs.core.provenance import provenance
 from visenvs.core.registry import load_task
 
-from .callbacks import Keeper, checkpoint
+from .callbacks import Bar, Keeper, checkpoint
 from .imitation import imitate
 from .presets import Algo, Preset, preset_for
 from .shaping import potential_of
@@ -111,16 +111,15 @@ def train(options: Options, preset: Preset | None = None) -> None:
 
     keeper = Keeper(validation, options.validate_every, options.out, run["best"], note, fresh)
     began, cpu, before = time.time(), time.process_time(), model.num_timesteps
-    finished = False
+    bar, finished = Bar(), False
     try:
         if options.tutor and before == 0:
             begin_with_tutor(options.tutor, model, lanes, task, config, keeper)
             before = model.num_timesteps
         model.learn(
             max(options.steps - before, 0),
-            callback=keeper,
+            callback=[keeper, bar],
             reset_num_timesteps=False,
-            progress_bar=True,
             tb_log_name="run",
         )
         keeper.keep()
@@ -131,6 +130,7 @@ def train(options: Options, preset: Preset | None = None) -> None:
             f"{model.num_timesteps:,} steps are kept; the same command goes on from there"
         ) from None
     finally:
+        bar.close()
         wall, cpu = time.time() - began, time.process_time() - cpu
         run |= {"steps": model.num_timesteps, "best": keeper.best, "finished": finished}
         run["sessions"] += 1
