@@ -115,8 +115,7 @@ def observations(task: Task) -> Iterator[tuple[str, Any]]:
 
 def actions(task: Task) -> Iterator[tuple[str, Layout | Choices]]:
     """Every kind of action, with an introduction where there are several."""
-    if not task.modes:
-        yield "", task.action
+    yield "", task.action
     for name, action in task.modes.items():
         yield f"With `action_mode={name!r}`:\n\n", action
 

@@ -47,7 +47,7 @@ def main(options: Options) -> None:
     if options.plots is not None:
         check_writable(options.plots / "any")
     known = cases()
-    chosen = list(options.cases or known)
+    chosen = list(dict.fromkeys(options.cases or known))
     for name in chosen:
         pick("case", name, known)
     calls = [(name, options.episodes, options.plots) for name in chosen]

@@ -52,7 +52,7 @@ def describe(asked: argparse.Namespace) -> None:
     print(f"{task.id}: {task.summary}")
     for name, view in (task.views or {"observation": task.observation}).items():
         print(f"\n{name}, {view.size} numbers\n{view.table()}")
-    for name, action in (task.modes or {"action": task.action}).items():
+    for name, action in {"action": task.action, **task.modes}.items():
         described = action.table() if isinstance(action, Layout) else ", ".join(action.names)
         print(f"\n{name}\n{described}")
     print(f"\ncost terms: {', '.join(name.removeprefix('cost_') for name in task.costs)}")

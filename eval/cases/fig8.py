@@ -33,6 +33,7 @@ FLIGHTS = {
     "scheduled_on": ("follow-scheduled", FOREVER),
 }
 LEAST_RATIO, MOST_EFFORT = 20.0, 75.0  # (ft/s^2)^2 s
+FEWEST = 10  # flights: of fewer all may lose the leader before anything can be measured
 
 
 def late_squares(name: str, episodes: int) -> Values:
@@ -46,6 +47,7 @@ def late_squares(name: str, episodes: int) -> Values:
 def rows(episodes: int) -> list[Row]:
     """Errors of X, standard deviation of the range at 60 s, effort of the manoeuvre, losses."""
     out: list[Row] = []
+    episodes = max(episodes, FEWEST)
     for name, (law, changes) in FLIGHTS.items():
         at, log = f"{CASE}/{name}", watch("bearing-only", law, episodes, **changes)
         t, x = times(log), errors(log)[:, :, 0, 0]

@@ -10,6 +10,7 @@ import pytest
 from agents.classical import LawPolicy, RandomPolicy, ZeroPolicy
 from agents.registry import load, names
 from visenvs.core.lanes import Lanes
+from visenvs.core.layout import Choices
 from visenvs.core.registry import environment_files, find_law, load_task
 
 TASK = load_task("visenvs/Rendezvous-v0")
@@ -30,7 +31,8 @@ def lanes_of(task, config, count=6, steps=3):
     lanes.reset(range(count))
     rng = np.random.default_rng(1)
     for _ in range(steps):
-        lanes.step(rng.uniform(-0.5, 0.5, (count, task.action.size)).astype(np.float32))
+        pushes = rng.uniform(-0.5, 0.5, (count, task.action.size)).astype(np.float32)
+        lanes.step(np.zeros(count) if isinstance(task.action, Choices) else pushes)
     return lanes
 
 
@@ -74,8 +76,9 @@ def test_a_batch_is_its_rows_one_by_one(env, name):
     batch, memory = policy.predict(rows)
     apart = [policy.predict(row[None]) for row in rows]
     assert np.array_equal(batch, np.concatenate([action for action, _ in apart]))
-    ends = np.cumsum([field.size for field in task.action.fields])
-    for part in np.split(batch, ends[:-1], axis=1):  # each field of the action has its own limit
+    fields = () if isinstance(task.action, Choices) else task.action.fields
+    ends = np.cumsum([field.size for field in fields])
+    for part in np.split(batch, ends[:-1], axis=1) if fields else ():  # each has its own limit
         assert np.linalg.norm(part, axis=1).max() <= 1.0 + 1e-6
     if memory is not None:
         assert np.array_equal(memory, np.concatenate([own for _, own in apart]))
@@ -145,10 +148,10 @@ def test_no_action_at_all():
 def test_random_actions_fill_the_box_and_come_again_with_the_seed():
     rows = np.zeros((2000, TASK.observation.size), np.float32)
     one, two, other = (RandomPolicy(TASK, seed) for seed in (0, 0, 1))
-    first, _ = one.predict(rows)
+    first, memory = one.predict(rows)
     assert np.array_equal(first, two.predict(rows)[0])
     assert (first != other.predict(rows)[0]).any()
-    assert (first != one.predict(rows)[0]).any()  # it does not repeat itself
+    assert (first != one.predict(rows, memory)[0]).any()  # it does not repeat itself
     assert first.dtype == np.float32 and np.abs(first).max() <= 1.0
     assert first.mean() == pytest.approx(0.0, abs=4 * np.sqrt(1 / 3 / first.size))
     assert first.var() == pytest.approx(1 / 3, rel=0.05)

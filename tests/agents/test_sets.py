@@ -75,13 +75,15 @@ def test_things_that_are_not_there_count_for_nothing():
 class Card:
     """What `load_network` asks of a task."""
 
-    id, observation, action = "visenvs/Lists-v0", LAYOUT, LAYOUT
+    id, observation, action, space = "visenvs/Lists-v0", LAYOUT, LAYOUT, LAYOUT.space
+    frames = None
 
 
 class Plain(Card):
     """A task whose rows list nothing."""
 
     observation = Layout(LAYOUT.fields[:1])
+    space = observation.space
 
 
 class Still(Env):

@@ -12,10 +12,11 @@ pytestmark = pytest.mark.kernel
 
 
 def settings(fov=90.0, sigma_pixel=2.0, p_detect=1.0, false_detections=0.0):
-    names = ("fov", "sigma_pixel", "p_detect", "false_detections")
+    # not in the order of other tests: to Numba a record may be a part of one that begins alike
+    names = ("false_detections", "p_detect", "sigma_pixel", "fov")
     out = np.zeros((), [(name, "f8") for name in names])
     for name, value in zip(
-        names, (math.radians(fov), sigma_pixel, p_detect, false_detections), strict=True
+        names, (false_detections, p_detect, sigma_pixel, math.radians(fov)), strict=True
     ):
         out[name] = value
     return out[()]
