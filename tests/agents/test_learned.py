@@ -129,10 +129,11 @@ def test_its_card_tells_what_it_is(env, name):
     assert card["env"] == env
     assert card["estimator"] == scenario.estimator
     assert card["information"] in (task.views or {"belief"})
-    assert card["seeds"] == {"training": [0, 89_999], "validation": [90_000, 90_999]}
+    count = card["reached"]["episodes"] // task.team(scenario)
+    assert count == (100 if env == "visenvs/Herding-v0" else 1000)  # its missions are long
+    assert card["seeds"] == {"training": [0, 89_999], "validation": [90_000, 89_999 + count]}
     assert card["command"].startswith("python -m train.sb3 ")
     assert {"torch", "stable-baselines3", "numpy"} <= set(card["versions"])
-    assert card["reached"]["episodes"] == 1000 * task.team(scenario)
 
 
 def test_the_shipped_residual_beats_its_law():
