@@ -22,7 +22,7 @@ leaderboard: $(INSTALLED) ## fly every law and the shipped policy on the public 
 
 test: $(INSTALLED) ## run the tests, then those of the kernels without compilation
 	$(BIN)/python -m pytest --numprocesses auto --dist loadfile
-	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -m kernel
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest --numprocesses auto --dist loadfile -m kernel
 
 check: $(INSTALLED) ## formatting, lint, types and import contracts
 	$(BIN)/ruff format --check .

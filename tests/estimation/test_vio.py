@@ -2,6 +2,7 @@
 
 import math
 
+import numba
 import numpy as np
 import pytest
 from scipy import stats
@@ -105,6 +106,7 @@ def test_without_noise_the_samples_lead_along_the_path():
     assert nav["p"] == pytest.approx(end, abs=1e-3)
 
 
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="many flights")
 def test_flights_over_drawn_landmarks_are_as_good_as_the_covariance_says():
     """NEES of position and velocity after 3 s of hovering, 40 runs, 8 landmarks."""
     cfg, nees = settings(Optics(), DT)[0], []
