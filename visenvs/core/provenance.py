@@ -44,6 +44,7 @@ def commit(root: Path = CHECKOUT) -> str | None:
         return None
     command = [
         "git",
+        "--no-optional-locks",  # whoever is killed here leaves no lock behind
         "-C",
         str(root),
         "describe",
