@@ -18,13 +18,11 @@ from visenvs.envs._obstacles import FALSE, SIGHTINGS
 from visenvs.estimation.tracks import NOBODY
 from visenvs.sensors.images.exposure import Exposure, expose
 from visenvs.sensors.images.optics import Image, Optics
-from visenvs.sensors.images.outdoor import Sky, shared_outdoor
+from visenvs.sensors.images.outdoor import outdoor_of
 from visenvs.sensors.images.spheres import Ball, detect
 
 EXPOSURE = FALSE + 1  # noise stream, after those of `_obstacles`
-SKY = Sky()
 LENS = Exposure()
-WORLDS = 4  # grounds and skies that episodes take turns with
 LEVEL = np.eye(3)
 RED, GREEN = (200.0, 30.0, 30.0), (40.0, 190.0, 60.0)
 BEACON = 1.5  # radius of the beacon at the waypoint, m
@@ -48,13 +46,13 @@ def camera(config: Any, side: int) -> Optics:
 def picture(lane: np.void, config: Any, side: int) -> Image:
     """What the camera of one lane sees, RGB, (side, side, 3)."""
     optics, n = camera(config, side), int(lane["count"])
-    world = shared_outdoor(int(lane["seed"] + lane["episode"]) % WORLDS, SKY)
+    seed, episode, step = (int(lane[name]) for name in ("seed", "episode", "step"))
+    world = outdoor_of(seed, episode)
     frame = world.render(optics, LEVEL, lane["r_V_N"])
     beacon = (config["waypoint"] - lane["r_V_N"])[None]
     world.balls(frame, optics, LEVEL, beacon, np.array([BEACON]), GREEN)
     r, radii = lane["r_O_N"][:n] - lane["r_V_N"], config["ball"] * lane["radius"][:n]
     world.balls(frame, optics, LEVEL, r, radii, RED)
-    seed, episode, step = (int(lane[name]) for name in ("seed", "episode", "step"))
     return expose(frame, LENS, seed, episode, EXPOSURE, step)
 
 

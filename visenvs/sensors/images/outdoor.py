@@ -20,6 +20,7 @@ from visenvs.sensors.images.textures import packed, periodic
 
 SIZE, LEVELS = 1024, 6
 GROUND_STREAM, CLOUD_STREAM = 0, 1
+WORLDS = 4  # grounds and skies that episodes take turns with
 LOWEST = 1.0  # distance of the camera from ground and clouds, m
 SAMPLES = 3  # rays a pixel of a ball's edge, each way
 COLOURS = np.dtype([(name, "f8", (3,)) for name in ("low", "high", "sky", "cloud", "haze")])
@@ -114,6 +115,11 @@ class Outdoor:
 def shared_outdoor(seed: int, sky: Sky) -> Outdoor:
     """The ground and clouds of a seed, made once in a process and shared by all lanes."""
     return Outdoor(seed, sky)
+
+
+def outdoor_of(seed: int, episode: int) -> Outdoor:
+    """The ground and clouds that an episode flies between."""
+    return shared_outdoor((seed + episode) % WORLDS, Sky())
 
 
 @kernel
