@@ -7,7 +7,6 @@ The camera is level and looks along the follower's course; aircraft bank as coor
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -104,6 +103,9 @@ def expected(lane: np.void, C: Values) -> Prior | None:
     if lane["step"] == 0:
         return None
     belief = lane["belief"]
-    half, P = 0.5 * float(belief["b"]), belief["C"][:3, :3].copy()
-    prior = predicted(C, belief["r_LV_N"], P, half, NEAREST)
-    return replace(prior, deviation=(math.inf, math.inf)) if lane["age"] > LOST else prior
+    r, half, P = belief["r_LV_N"], 0.5 * float(belief["b"]), belief["C"][:3, :3].copy()
+    if lane["age"] > LOST:
+        return Prior(
+            (0.0, 0.0), (math.inf, math.inf), half / max(float(np.linalg.norm(r)), NEAREST)
+        )
+    return predicted(C, r, P, half, NEAREST)
