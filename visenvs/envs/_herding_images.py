@@ -12,13 +12,18 @@ Obstacles are known as on points. The other aircraft of a team are not drawn.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from visenvs.core.layout import Row
 from visenvs.dynamics.ground_robot import ACTIVE, CIRCLES, ROBOTS
-from visenvs.envs._herding_belief import POLES_SEEN, see_obstacles, take_in
+from visenvs.envs import _herding_navigation as navigation
+from visenvs.envs._herding_belief import POLES_SEEN, due, see_obstacles, take_in
+from visenvs.envs._herding_config import VIO
 from visenvs.envs._herding_rules import FAR, POLES
 from visenvs.estimation import mmae
 from visenvs.estimation.robot_track import NONE, TRACKED
@@ -38,10 +43,12 @@ from visenvs.sensors.images.optics import Image, Optics
 from visenvs.sensors.images.robots import NO_PLATE, ROBOT
 
 PICTURE = POLES_SEEN + 4  # noise stream of the first aircraft's pictures; the others' follow
+IMU, ALTIMETER = PICTURE + 4, PICTURE + 8  # and those of what it navigates by
 FIRST_FLOOR, FLOORS = 4, 2  # seeds of the floors that episodes take turns with
 LENS = Exposure()
 NADIR = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])  # C_CB
 LOWEST = 0.15  # from which a picture is drawn at least, m
+SIGMA, RECALL = 1.0, 0.9  # what the filters are told of findings: noise, pixels, and how often
 EVERY = 5  # pictures, one of which is searched as a whole in any case
 MOST = ROBOTS + FALSE  # findings of a picture
 
@@ -83,20 +90,68 @@ def frames(lanes: NDArray[Any], config: NDArray[Any], out: NDArray[np.uint8]) ->
         out[i] = picture(lanes[i], lanes[i - i % size], optics)
 
 
+def reset(lanes: NDArray[Any], config: NDArray[Any], begin: Callable[..., None]) -> None:
+    """Start every team given; `begin` starts those that know where they are."""
+    cfg = config[0]
+    if cfg["navigation"] != VIO:
+        begin(lanes, config)
+        return
+    part = navigation.known(lanes)
+    begin(part, config)
+    navigation.put_back(lanes, part)
+    for i in range(len(lanes)):
+        stream = IMU + int(lanes["agent"][i])
+        navigation.start(lanes[i : i + 1], camera(cfg), NADIR, float(cfg["tick"]), stream)
+
+
+def step(
+    lanes: NDArray[Any], actions: Row, config: NDArray[Any], advance: Callable[..., None]
+) -> None:
+    """Advance every team that is running; `advance` does so and asks for pictures."""
+    told = config.copy()
+    told["sigma_pixel"], told["p_detect"] = SIGMA, RECALL
+    if config[0]["navigation"] != VIO:
+        advance(lanes, actions, told, sense)
+        return
+    part = navigation.known(lanes)
+    advance(part, actions, told, partial(navigate, lanes))
+    navigation.put_back(lanes, part)
+
+
 def sense(team: NDArray[Any], _first: int, cfg: Any, work: Any) -> None:
-    """Take the pictures of a team and let every aircraft's filters use them."""
-    for m in range(len(team)):
-        pose = work["camera"]
-        pose[:] = *team[m]["r_V_N"], -team[m]["height"], 0.0
-        perceive(team[m], team[0], pose.copy(), cfg, work)
+    """Take the pictures of a team that knows where it is, and let the filters use them."""
+    for lane in team:
+        perceive(lane, team[0], take(lane, team[0], cfg), cfg, work)
 
 
-def perceive(lane: np.void, arena: np.void, pose: NDArray[Any], cfg: Any, work: Any) -> None:
-    """Find robots in the picture of one aircraft, which believes its camera at a pose."""
+def navigate(own: NDArray[Any], team: NDArray[Any], first: int, cfg: Any, work: Any) -> None:
+    """A tick of a team that navigates by pictures; its records of `own` are from `first` on."""
+    tick, arena = float(cfg["tick"]), team[0]
+    for m, lane in enumerate(team):
+        record, agent = own[first + m : first + m + 1], int(lane["agent"])
+        filter_ = navigation.navigator(record, camera(cfg), NADIR, tick)
+        navigation.feel(record, lane, arena, filter_, tick, IMU + agent)
+        if due(arena, cfg):
+            view = take(lane, arena, cfg)
+            navigation.see(lane, arena, filter_, view.grey, ALTIMETER + agent)
+            perceive(lane, arena, navigation.believed(view, filter_), cfg, work)
+
+
+def take(lane: np.void, arena: np.void, cfg: Any) -> View:
+    """The picture of one aircraft, and its true pose."""
+    optics = camera(cfg)
+    r_V_N = np.array([*(lane["r_V_N"] - lane["off_N"]), -lane["height"]])
+    return View(picture(lane, arena, optics), optics, NADIR, r_V_N)
+
+
+def perceive(lane: np.void, arena: np.void, view: View, cfg: Any, work: Any) -> None:
+    """Let the tracks of one aircraft use its picture."""
+    pose = work["camera"]
+    pose[:] = *(lane["r_V_N"] - lane["off_N"]), -lane["height"], 0.0
     see_obstacles(lane, arena, pose, cfg)
+    pose[:] = *view.r_V_N, math.atan2(-view.C[1, 0], view.C[1, 1])
     count = 0
-    if LEAST_DEPTH < lane["height"] < FAR:
-        view = View(picture(lane, arena, camera(cfg)), camera(cfg), NADIR, pose[:3])
+    if LEAST_DEPTH < view.depth < FAR:
         count = tell(find(view, lane["bank"], cfg), work)
     take_in(lane, count, cfg, work)
 

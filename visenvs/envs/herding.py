@@ -212,11 +212,18 @@ def step_lanes(
                     sense(team, i, cfg, work)
 
 
+def reset_seeing(lanes: NDArray[Any], config: NDArray[Any]) -> None:
+    """Start every team given, with a filter for the aircraft's own place if that is asked for."""
+    from visenvs.envs import _herding_images as images
+
+    images.reset(lanes, config, reset_lanes)
+
+
 def step_seeing(lanes: NDArray[Any], actions: Row, config: NDArray[Any]) -> None:
     """Advance every team that is running, with a look at rendered pictures."""
     from visenvs.envs import _herding_images as images
 
-    step_lanes(lanes, actions, config, images.sense)
+    images.step(lanes, actions, config, step_lanes)
 
 
 TASK = Task(
@@ -246,7 +253,8 @@ TASK = Task(
     },
     reset_lanes=reset_lanes,
     step_lanes=step_lanes,
-    perceptions={"images": (reset_lanes, step_seeing)},
+    perceptions={"images": (reset_seeing, step_seeing)},
+    records={"vio": "visenvs.envs._herding_navigation:NAVIGATING"},
     picture="visenvs.render.herding:draw",
     reference="index",
     episodes=100,
