@@ -14,7 +14,7 @@ from visenvs.core.lanes import Lanes
 from visenvs.core.registry import load_task
 from visenvs.dynamics.ground_robot import ACTIVE, ROBOTS
 from visenvs.envs._herding_images import NADIR, camera, fleet, picture, searches, square, take
-from visenvs.guidance.choices import CHOICES
+from visenvs.guidance.choices import CHOICES, FIRST_PLACE
 
 ID = "visenvs/Herding-v0"
 TASK = load_task(ID)
@@ -160,7 +160,7 @@ def test_every_aircraft_of_a_team_takes_its_own_pictures():
 
 def test_an_aircraft_that_navigates_is_off_by_some_centimetres_and_its_tracks_with_it():
     lanes = lanes_of(2, **VIO)
-    off = [np.hypot(*choose(lanes, 1, "look at 0")["off_N"].T) for _ in range(16)]
+    off = [np.hypot(*choose(lanes, 1, CHOICES[FIRST_PLACE])["off_N"].T) for _ in range(16)]
     assert 0.0 < np.max(off[-1]) and np.max(off) < 0.15
     for record in lanes.records:
         assert record["nav"]["alive"].sum() >= 10

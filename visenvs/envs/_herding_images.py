@@ -36,7 +36,8 @@ from visenvs.sensors.images.ground_robots import (
     Expected,
     Finding,
     View,
-    search,
+    cascade,
+    others,
     track,
 )
 from visenvs.sensors.images.optics import Image, Optics
@@ -158,14 +159,13 @@ def perceive(lane: np.void, arena: np.void, view: View, cfg: Any, work: Any) -> 
 
 def find(view: View, bank: np.void, cfg: Any) -> list[Finding]:
     """The robots of a picture: those expected, and, where it is due, all others."""
+    hits = cascade(view) if searches(view, bank) else None
     found: list[Finding] = []
     for j in np.flatnonzero((bank["status"] == TRACKED) & (bank["away"] == 0.0)):
-        finding = track(view, expected(bank, int(j), cfg))
+        finding = track(view, expected(bank, int(j), cfg), hits)
         if finding is not None:
             found.append(finding)
-    if searches(view, bank):
-        found += search(view, found)
-    return found[:MOST]
+    return [*found, *others(hits or (), found)][:MOST]
 
 
 def expected(bank: np.void, j: int, cfg: Any) -> Expected:

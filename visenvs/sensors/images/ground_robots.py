@@ -25,14 +25,16 @@ from visenvs.sensors.images.robots import GREEN, HEIGHT, RADIUS, RED
 from visenvs.sensors.images.scenes import WINDOW
 
 LEAST_DEPTH = 0.4  # from which robots' tops are made out, m
+SMALLER, LARGER = 0.975, 1.04  # windows tried, of the expected one
 VOTES = 1  # windows of the cascade that make a robot, which has a plate too
 VIVID = 25  # by how much the plate's colour outshines the two others, grey levels
 SHARE = 0.2  # of the middle of a robot that its plate covers
-GATE = 6.0  # pixels around a prediction that are always searched by template,
+GATE = 4.0  # pixels around a prediction that are always searched by template,
 MOST = 14.0  # and at most
-SURE = 0.3  # standard deviation up to which headings about the predicted one are tried, rad
-FINE = 0.12 * np.array([-2.0, -1.0, 0.0, 1.0, 2.0])  # those, rad
-COARSE = 2.0 * math.pi / 16 * np.arange(16)  # else these
+SURE, VAGUE = 0.12, 0.3  # standard deviations up to which a few headings are tried, rad:
+FINE = 0.15 * np.array([-1.0, 0.0, 1.0])  # so many about the predicted one where it is sure,
+BROAD = 0.15 * np.array([-3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0])  # or vague,
+COARSE = 2.0 * math.pi / 16 * np.arange(16)  # else all
 HEADING_SD, COARSE_SD = 0.04, 0.25  # standard deviations of a heading found by either, rad
 APART = 0.2  # findings nearer to each other than this are one robot, m
 
@@ -63,9 +65,11 @@ class View:
         return np.asarray(cv2.cvtColor(self.image, cv2.COLOR_RGB2GRAY), np.uint8)
 
     @cached_property
-    def sizes(self) -> haar.SizeWindow:
-        """How large robots look."""
-        return haar.floor_sizes(self.optics, self.C, self.depth, WINDOW)
+    def sizes(self) -> tuple[float, float]:
+        """Least and largest window of a robot, pixels: a camera that looks down sees all alike."""
+        model = haar.floor_sizes(self.optics, self.C, self.depth, WINDOW)
+        size = float(model.at((self.optics.cx, self.optics.cy)))
+        return SMALLER * size, LARGER * size
 
     def place(self, pixel: Sequence[float]) -> Values:
         """Where on the plane of the robots' tops a pixel looks, north and east, m, (2,)."""
@@ -108,25 +112,26 @@ class Finding:
     heading_deviation: float = 0.0
 
 
-def track(view: View, expected: Expected) -> Finding | None:
+def track(view: View, expected: Expected, hits: Sequence[Finding] | None = None) -> Finding | None:
     """The robot that is expected, or None where it is not registered.
 
     Args:
         view: the picture.
         expected: the prediction at its time.
+        hits: what the cascade finds in the whole picture, if it has been searched.
     """
     focal = view.optics.focal
     found = match(view, expected, 3.0 * expected.deviation * focal / view.depth + GATE)
     if found is not None:
         return found
-    point = view.optics.points(view.pixel(expected.place))
-    spread = expected.deviation / view.depth
-    prior = Prior((float(point[0]), float(point[1])), (spread, spread), 0.0)
-    region = search_region(view.optics, prior)
-    hits = cascade(view, region) if region is not None else []
-    if not hits:
+    if hits is None:
+        region = search_region(view.optics, prior_of(view, expected))
+        hits = cascade(view, region) if region is not None else []
+    reach = 3.0 * expected.deviation + APART
+    near = [hit for hit in hits if math.dist(hit.place, expected.place) < reach]
+    if not near:
         return None
-    nearest = min(hits, key=lambda hit: math.dist(hit.place, expected.place))
+    nearest = min(near, key=lambda hit: math.dist(hit.place, expected.place))
     at_hit = replace(expected, place=nearest.place)
     return match(view, at_hit, GATE) or nearest
 
@@ -136,28 +141,38 @@ def match(view: View, expected: Expected, gate: float) -> Finding | None:
     plate = plate_of(view, view.pixel(expected.place), 0.5 * gate)
     if plate is None:
         return None
-    sure = expected.heading_deviation < SURE
-    headings = expected.heading + (FINE if sure else COARSE)
+    sd = expected.heading_deviation
+    headings = expected.heading + (FINE if sd < SURE else BROAD if sd < VAGUE else COARSE)
     camera = view.grey, view.optics, view.C, view.r_V_N
     found = templates.detect(*camera, expected.place, headings, plate, min(gate, MOST))
     if found is None or plate_of(view, found.pixel) != plate:
         return None
     north, east = view.place(found.pixel)
-    deviation = HEADING_SD if sure else COARSE_SD
+    deviation = HEADING_SD if sd < VAGUE else COARSE_SD
     return Finding((float(north), float(east)), found.heading, deviation)
 
 
-def search(view: View, known: Sequence[Finding]) -> list[Finding]:
-    """All robots of a picture that are not among the known ones, best first, without headings."""
+def prior_of(view: View, expected: Expected) -> Prior:
+    """A prediction as an image point with its deviations, focal lengths."""
+    y, z = view.optics.points(view.pixel(expected.place)).tolist()
+    spread = expected.deviation / view.depth
+    return Prior((y, z), (spread, spread), 0.0)
+
+
+def others(hits: Sequence[Finding], known: Sequence[Finding]) -> list[Finding]:
+    """The hits that are not among the known robots, nor two of one robot."""
     out = list(known)
-    for hit in cascade(view, None):
+    for hit in hits:
         if all(math.dist(hit.place, other.place) > APART for other in out):
             out.append(hit)
     return out[len(known) :]
 
 
-def cascade(view: View, region: Region | None) -> list[Finding]:
-    """What passes the cascade in a region, or in the whole picture for None, and has a plate."""
+def cascade(view: View, region: Region | None = None) -> list[Finding]:
+    """What passes the cascade in a region, None for the whole picture, and has a plate.
+
+    Best first, and without headings.
+    """
     hits = haar.raw_hits(view.grey, shipped_cascade(), view.sizes, region)
     out: list[Finding] = []
     for hit in haar.group(hits, VOTES):
