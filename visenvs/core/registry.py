@@ -70,6 +70,12 @@ def load_task(env_id: str) -> Task:
     return importlib.import_module(pick("environment", env_id, environment_files())).TASK
 
 
+def load_named(path: str) -> Any:
+    """What "module:name" names."""
+    module, name = path.split(":")
+    return getattr(importlib.import_module(module), name)
+
+
 @cache
 def laws() -> dict[str, Law]:
     """The guidance laws that tables show, by name."""

@@ -20,6 +20,12 @@ ASTRAY = 0.8  # offset at which it is broken off, m
 
 
 @kernel
+def true_place(lane, i):
+    """Where the aircraft really is, north (0) or east (1), m."""
+    return lane["r_V_N"][i] - lane["off_N"][i]
+
+
+@kernel
 def enter(lane, stage):
     """Begin a stage."""
     lane["stage"] = stage

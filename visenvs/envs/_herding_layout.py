@@ -20,6 +20,7 @@ LANE = lane_dtype([
     *ground_robot.COLUMNS,
     # aircraft, known to itself
     ("r_V_N", "f8", (2,)), ("v_V_N", "f8", (2,)), ("height", "f8"),
+    ("off_N", "f8", (2,)),  # how far the place known to itself is off the true one, m
     ("stage", "f8"), ("stage_t", "f8"),  # CRUISE, DESCENT, GROUND or CLIMB, and since when, s
     ("service", "i8"), ("target", "i8"), ("delay", "f8"),  # what it is up to, s
     ("landed", "i8"),  # 1 + the robot that its last service met, or 0
