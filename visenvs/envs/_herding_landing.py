@@ -19,7 +19,8 @@ WORK = np.dtype([
     ("k", "f8", (STEPS, 3)), ("K", "f8", (STEPS, 3, 6)),
     ("V", "f8", (6, 6)), ("V_x", "f8", (6,)), ("Q_u", "f8", (3,)), ("Q_uu", "f8", (3, 3)),
     ("Q_ux", "f8", (3, 6)), ("BV", "f8", (3, 6)),
-    ("state", "f8", (6,)), ("next", "f8", (6,)), ("place", "f8", (2,)), ("weights", WEIGHTS.dtype, (1,)),
+    ("state", "f8", (6,)), ("next", "f8", (6,)), ("place", "f8", (2,)),
+    ("weights", WEIGHTS.dtype, (1,)),
 ])  # fmt: skip
 
 
