@@ -28,6 +28,7 @@ class HerdingConfig:
     tick: float = 0.05  # step of the simulation, s
     t_f: float = 600.0  # end of the mission, s
     aircraft: int = 1  # that share the arena
+    landing: Literal["pid", "ddp"] = "pid"  # in front of a robot; ddp: planned anew every tick
     # rules: every disagreement of the sources is a setting
     side: float = 20.0  # of the arena, m; the goal line is its north side
     robots: int = 10
@@ -175,6 +176,7 @@ SCENARIOS = {
 TRUTH = code(HerdingConfig, "estimator", "truth")
 IMAGES = code(HerdingConfig, "perception", "images")
 VIO = code(HerdingConfig, "navigation", "vio")
+BY_PLAN = code(HerdingConfig, "landing", "ddp")
 KINEMATIC = code(HerdingConfig, "arena", "kinematic")
 VELOCITY = code(HerdingConfig, "action_mode", "velocity")
 BLOCK_ONLY = code(HerdingConfig, "services", "block")
