@@ -44,9 +44,9 @@ class Entry:
     config: Config
 
 
-def names(task: Task) -> tuple[str, ...]:
-    """The policies that the leaderboard of an environment shows by default: those that can fly."""
-    config = next(iter(task.scenarios.values()))
+def names(task: Task, config: Config | None = None) -> tuple[str, ...]:
+    """The policies that the leaderboard shows by default: those that can fly; default scenario."""
+    config = config or next(iter(task.scenarios.values()))
     able = (name for name, law in laws().items() if not lacking(law, task, config))
     return (*BLIND, *able, *shipped(task.id))
 
@@ -87,7 +87,7 @@ def load(spec: str, task: Task, config: Config, trust: bool = False) -> Entry:
     if ":" in spec:
         policy = _made(spec, task, config)
         return Entry(spec, policy, _information(config), "custom", "user's own", config)
-    known = names(task)
+    known = names(task, config)
     raise ValueError(
         f"unknown policy {spec!r}{nearest(spec, known)} Known: {', '.join(known)}; "
         "or the path of an SB3 .zip, or module:factory"
