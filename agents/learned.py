@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from visenvs.core.lanes import Task
@@ -31,6 +32,7 @@ FIRST_LAYER = {
     "recurrent_ppo": "lstm_actor.weight_ih_l0",
     "ppo": "mlp_extractor.policy_net.0.weight",
 }
+PICTURES = "features_extractor.full.0.weight"  # our own, see `pictures.py`
 SETS = "features_extractor.encoder."  # our own, see `sets.py`
 CHOOSING = "action_net.apiece.weight"  # our own, see `choosing.py`
 CARD = ("information", "algo", "residual", "steps")  # what is read of it besides its sha256
@@ -65,7 +67,7 @@ class LearnedPolicy:
         self._network = network
         self._task = task
         self._residual = residual
-        self._plain = _is_plain(network)
+        self._plain = task.frames is None and _is_plain(network)
 
     def predict(
         self,
@@ -109,7 +111,8 @@ def _mean(network: Any, observation: NDArray[Any]) -> Rows:
 class Architecture:
     """What it takes to rebuild an SB3 policy: algorithm, layer widths, activation, special widths.
 
-    `lstm` and `sets` are the widths of a memory and of a network for lists, 0 where there is none.
+    `lstm`, `sets` and `pictures` are the widths of a memory, of a network for lists and of one for
+    pictures, 0 where there is none.
     """
 
     algo: str
@@ -117,6 +120,7 @@ class Architecture:
     activation: str
     lstm: int = 0
     sets: int = 0
+    pictures: int = 0
 
 
 def digest(path: Path) -> str:
@@ -178,7 +182,7 @@ def load_network(path: Path, task: Task, trust: bool = False) -> Any:
     if task.frames is not None and len(seen) == 3:
         seen = (*seen[1:], seen[0])  # SB3 puts the channels of pictures first
     if seen != task.space.shape:
-        raise _wrong_space(path, task, seen[0])
+        raise _wrong_space(path, task, seen)
     network.set_training_mode(False)
     return network
 
@@ -243,6 +247,7 @@ def _architecture(
         for name in weights
         if name.startswith(("features_extractor.", "actor.features_extractor."))
         and not (algo == "ppo" and (name.startswith(SETS) or CHOOSING in weights))
+        and PICTURES not in weights
     ]
     if extra:
         raise ValueError(
@@ -264,7 +269,8 @@ def _architecture(
         lstm = weights["lstm_actor.weight_hh_l0"].shape[1] if algo == "recurrent_ppo" else 0
         first = weights.get(f"{SETS}0.weight")
         sets = 0 if first is None else first.shape[0]
-        return Architecture(algo, {"pi": pi, "vf": vf}, activation, lstm, sets)
+        pictures = 0 if PICTURES not in weights else weights[PICTURES].shape[0]
+        return Architecture(algo, {"pi": pi, "vf": vf}, activation, lstm, sets, pictures)
     pi = _widths(weights, "actor.latent_pi") if algo == "sac" else _widths(weights, "actor.mu")[:-1]
     return Architecture(algo, {"pi": pi, "qf": _widths(weights, "critic.qf0")[:-1]}, activation)
 
@@ -300,16 +306,21 @@ def _rebuild(arch: Architecture, weights: dict[str, Any], task: Task, path: Path
         "MlpLstmPolicy" if arch.lstm else "MlpPolicy"
     ]
     size = int(weights[FIRST_LAYER[arch.algo]].shape[1])
-    if arch.sets and any(field.each > 1 for field in task.observation.fields):
+    if arch.pictures:
+        kwargs |= picture_network(arch.pictures)
+    elif arch.sets and any(field.each > 1 for field in task.observation.fields):
         kwargs |= set_network(task.observation, arch.sets)
     elif size != task.observation.size:
-        raise _wrong_space(path, task, size)
+        raise _wrong_space(path, task, (size,))
     policy = policy_class(*_spaces(task), _no_training, **kwargs)
     return _fill(policy, weights, arch, task, path)
 
 
 def _spaces(task: Task) -> tuple[Any, Any]:
-    return task.observation.space, task.action.space
+    seen = task.space
+    if task.frames is not None:  # SB3 puts the channels of pictures first
+        seen = Box(0, 255, (seen.shape[2], *seen.shape[:2]), np.uint8)
+    return seen, task.action.space
 
 
 def _fill(policy: Any, weights: dict[str, Any], arch: Architecture, task: Task, path: Path) -> Any:
@@ -331,6 +342,16 @@ def set_network(layout: Layout, width: int) -> dict[str, Any]:
         "features_extractor_class": SetNetwork,
         "features_extractor_kwargs": settings,
         "share_features_extractor": False,  # large values would drown what the actor learns
+    }
+
+
+def picture_network(width: int) -> dict[str, Any]:
+    """Arguments of an SB3 policy that reads pictures."""
+    from .pictures import PictureNetwork
+
+    return {
+        "features_extractor_class": PictureNetwork,
+        "features_extractor_kwargs": {"width": width},
     }
 
 
@@ -358,9 +379,13 @@ def _algorithm_class(algo: str) -> Any:
     return {**classes, "recurrent_ppo": RecurrentPPO}[algo]
 
 
-def _wrong_space(path: Path, task: Task, size: int) -> ValueError:
+def _wrong_space(path: Path, task: Task, shape: tuple[int, ...]) -> ValueError:
+    trained, given = (
+        f"{size[0]} numbers" if len(size) == 1 else f"pictures {size}"
+        for size in (shape, task.space.shape)
+    )
+    names = f" ({', '.join(task.observation.names)})" if task.frames is None else ""
     return ValueError(
-        f"{path} was trained on observations of {size} numbers, "
-        f"{task.id} gives {task.observation.size} "
-        f"({', '.join(task.observation.names)}); train with `python -m train.sb3 --env {task.id}`"
+        f"{path} was trained on observations of {trained}, {task.id} gives "
+        f"{given}{names}; train with `python -m train.sb3 --env {task.id}`"
     )

@@ -42,7 +42,7 @@ def test_the_adapter_tells_which_choices_may_be_taken():
 def test_a_policy_that_chooses_is_trained_saved_and_flown(tmp_path, monkeypatch):
     quick = DEFAULTS["maskable_ppo"].model | {"n_steps": 100, "batch_size": 200}
     preset = Preset(16, quick | {"learning_rate": 2e-3}, {"net_arch": [32]})
-    monkeypatch.setattr(sb3, "preset_for", lambda env, algo: preset)
+    monkeypatch.setattr(sb3, "preset_for", lambda env, algo, pictures: preset)
     monkeypatch.setattr(sb3, "VALIDATION_SEEDS", range(90_000, 90_050))
     train(Options(out=tmp_path / "run", env=STAIRS, algo="maskable_ppo", steps=20_000))
     task = load_task(STAIRS)

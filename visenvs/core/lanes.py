@@ -141,7 +141,7 @@ class Lanes:
     Attributes:
         records: the whole state, one record per lane; read it by field name.
         rows: observation of every lane: float32, shape (count, observation.size), or pictures,
-            uint8, shape (count, side, side, 3).
+            uint8, shape (count, *task.space.shape).
         rewards: of the last step, shape (count,).
         terms: minus the cost terms of the last step, whose sums are the rewards, shape
             (count, len(task.costs)).

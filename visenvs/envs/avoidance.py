@@ -33,7 +33,7 @@ from visenvs.core.layout import Field, Frames, Layout
 from visenvs.core.noise import uniform
 from visenvs.core.outcome import MISS, RUNNING, SUCCESS, Outcome
 from visenvs.dynamics.point_mass import move, saturate
-from visenvs.envs._avoidance_config import SEEN, TOLD, TRUTH, AvoidanceConfig, K
+from visenvs.envs._avoidance_config import PAST, SEEN, TOLD, TRUTH, AvoidanceConfig, K
 from visenvs.envs._avoidance_row import CONE_TOO, OBSERVATION, TOLD_TOO, tell
 from visenvs.envs._avoidance_scenarios import SCENARIOS
 from visenvs.envs._obstacles import (
@@ -60,6 +60,7 @@ LANE = lane_dtype(
         ("r_V_N", "f8", (3,)),  # vehicle, known to itself
         ("v_V_N", "f8", (3,)),
         ("a_V_N", "f8", (3,)),  # applied acceleration
+        ("way_N", "f8", (PAST, 3)),  # where it was, step by step in turns
         ("count", "i8"),  # obstacles of the scene
         ("r_O_N", "f8", (K, 3)),  # obstacles, truth
         ("v_O_N", "f8", (K, 3)),
@@ -171,6 +172,7 @@ def fly(lane, action, cfg, moved):
     move(moved, lane["v_V_N"], a, cfg["dt"])
     for i in range(3):
         lane["r_V_N"][i] += moved[i]
+        lane["way_N"][lane["step"] % PAST, i] = lane["r_V_N"][i]
     for i in range(lane["count"]):
         for j in range(3):
             lane["r_O_N"][i, j] += cfg["dt"] * lane["v_O_N"][i, j]
@@ -387,7 +389,7 @@ TASK = Task(
     lane=LANE,
     observation=OBSERVATION,
     views={"belief": OBSERVATION, "told": TOLD_TOO, "cones": CONE_TOO},
-    pictures={"pixels": Frames("visenvs.envs._avoidance_images:frames", "frame")},
+    pictures={"pixels": Frames("visenvs.envs._avoidance_images:frames", "frame", 2)},
     action=ACTION,
     costs=("cost_control", "cost_violation", "cost_divergence", "cost_miss", "cost_time"),
     metrics={
