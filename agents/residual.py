@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from visenvs.core.config import pick
 from visenvs.core.lanes import Task
-from visenvs.core.layout import Field, Layout
+from visenvs.core.layout import Layout
 
 from .policy import Policy, Rows
 
@@ -33,9 +33,13 @@ class Reading:
     def __init__(self, task: Task, fields: Sequence[str]) -> None:
         known = {field.name: field for field in task.observation.fields}
         chosen = [pick("field of the row", name, known) for name in fields]
-        size, doc = task.action.size, "what the law commands, over the longest action"
-        command = Field("law_command", size, "", "", -1.0, 1.0, 1.0, doc)
-        self.task = replace(task, observation=Layout((*chosen, command)))
+        action = task.action
+        assert isinstance(action, Layout)  # a choice cannot be corrected
+        commands = [
+            replace(field, name=f"law_{field.name}", doc=f"the law's: {field.doc}")
+            for field in action.fields
+        ]
+        self.task = replace(task, observation=Layout((*chosen, *commands)))
         self._columns = task.observation.columns(fields)
 
     def rows(self, observation: Rows, command: Rows) -> Rows:
