@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from visenvs.core.config import Config, nearest, override, pick
 from visenvs.core.lanes import Task
 from visenvs.core.registry import find_law, laws
@@ -109,7 +111,12 @@ def _load_model(name: str, model: Path, task: Task, config: Config, trust: bool)
         task = task.under(config)
     residual, kind, known = None, "learned", task
     if card.get("residual"):
-        told = card["residual"]
+        told, size = card["residual"], task.action.size
+        if np.size(told["scale"]) not in (1, size):
+            raise ValueError(
+                f"{model.with_name('card.json')}: the scale of a residual on {task.id} is one number "
+                f"or {size}, got {told['scale']!r}"
+            )
         reading = Reading(task, told["reads"]) if "reads" in told else None
         residual = Residual(load_law(told["law"], task, config), told["scale"], reading)
         kind, known = "residual", task if reading is None else reading.task
