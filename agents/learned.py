@@ -293,8 +293,8 @@ def _rebuild(arch: Architecture, weights: dict[str, Any], task: Task, path: Path
     policy_class = _algorithm_class(algo).policy_aliases[
         "MlpLstmPolicy" if arch.lstm else "MlpPolicy"
     ]
-    first = weights.get(FIRST_LAYER[arch.algo], weights.get(LINEAR))
-    size = int(first.shape[1])
+    layer = FIRST_LAYER[arch.algo]
+    size = int(weights[layer if layer in weights else LINEAR].shape[1])
     if arch.sets and any(field.each > 1 for field in task.observation.fields):
         kwargs |= set_network(task.observation, arch.sets)
     elif size != task.observation.size:

@@ -114,8 +114,8 @@ def _load_model(name: str, model: Path, task: Task, config: Config, trust: bool)
         told, size = card["residual"], task.action.size
         if np.size(told["scale"]) not in (1, size):
             raise ValueError(
-                f"{model.with_name('card.json')}: the scale of a residual on {task.id} is one number "
-                f"or {size}, got {told['scale']!r}"
+                f"{model.with_name('card.json')}: the scale of a residual on {task.id} "
+                f"is one number or {size}, got {told['scale']!r}"
             )
         reading = Reading(task, told["reads"]) if "reads" in told else None
         residual = Residual(load_law(told["law"], task, config), told["scale"], reading)

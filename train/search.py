@@ -31,7 +31,7 @@ from visenvs.core.provenance import provenance
 from visenvs.core.registry import load_task
 
 from .callbacks import validate
-from .presets import preset_for
+from .presets import Preset, preset_for
 from .sb3 import TRAINING_SEEDS, VALIDATION_SEEDS
 from .vec_env import LaneVecEnv
 
@@ -65,13 +65,8 @@ class Options:
 
 def train(options: Options) -> None:
     """Search for the gains of a linear residual on a law, validate it, and write it."""
-    total = options.rounds * options.episodes
-    if min(options.rounds, options.episodes) < 1 or not 0 <= options.seed <= TRAINING_SEEDS - total:
-        raise ValueError(
-            f"rounds and episodes must be at least 1, and the seeds up to seed + rounds * episodes "
-            f"within 0 to {TRAINING_SEEDS}, got {options.rounds}, {options.episodes}, {options.seed}"
-        )
     torch.set_num_threads(1)
+    seeds = training_seeds(options)
     task, preset = load_task(options.env), preset_for(options.env, "ppo")
     scenario = options.scenario or next(iter(task.scenarios))
     config = pick("scenario", scenario, task.scenarios)
@@ -80,9 +75,7 @@ def train(options: Options) -> None:
     law = registry.load_law(options.residual, task, config)
     residual = Residual(law, preset.residual_scale, Reading(task.under(config), preset.reads))
     lanes = LaneVecEnv(task, config, VALIDATION_SEEDS[: preset.validation], residual)
-    pattern, seeds = tied(lanes.task), range(options.seed, options.seed + total)
-
-    steps = 0
+    pattern, steps = tied(lanes.task), 0
 
     def cost(gains: Values, some: range) -> Values:
         nonlocal steps
@@ -94,14 +87,39 @@ def train(options: Options) -> None:
     gains = descend(cost, len(pattern), seeds, options.rounds)
     model = linear_model(lanes, np.tensordot(gains, pattern, 1))
     reached = validate(model, lanes)
+    found = {"steps": steps, "reached": reached, "gains": gains.tolist()}
     options.out.mkdir(parents=True, exist_ok=True)
     with replacing(options.out / "model.zip") as path:
         model.save(path)
-    card = {
+    flies = {
         "env": task.id,
         "scenario": scenario,
         "estimator": getattr(config, "estimator", None),
         "information": getattr(config, "observation", "belief"),
+    }
+    write_json(options.out / "card.json", flies | card(options, preset, found, seeds))
+    print(
+        f"mean cost {reached['cost_mean']:.4g}\n"
+        f"try it: python -m eval.leaderboard --env {options.env} "
+        f"--policies {task.reference},{options.out / 'model.zip'}"
+    )
+
+
+def training_seeds(options: Options) -> range:
+    """The seeds of all rounds, or a ValueError."""
+    total = options.rounds * options.episodes
+    if min(options.rounds, options.episodes) < 1 or not 0 <= options.seed <= TRAINING_SEEDS - total:
+        raise ValueError(
+            "rounds and episodes must be at least 1, and the seeds up to seed + rounds * episodes "
+            f"within 0 to {TRAINING_SEEDS}, "
+            f"got {options.rounds}, {options.episodes}, {options.seed}"
+        )
+    return range(options.seed, options.seed + total)
+
+
+def card(options: Options, preset: Preset, found: dict[str, Any], seeds: range) -> dict[str, Any]:
+    """How a model was made and what it reached; beside what it flies."""
+    return {
         "algo": "search",
         "residual": {
             "law": options.residual,
@@ -109,9 +127,7 @@ def train(options: Options) -> None:
             "reads": list(preset.reads),
         },
         "policy": LINEAR,
-        "gains": gains.tolist(),
-        "steps": steps,
-        "reached": reached,
+        **found,
         "seeds": {
             "training": [seeds[0], seeds[-1]],
             "validation": [VALIDATION_SEEDS[0], VALIDATION_SEEDS[: preset.validation][-1]],
@@ -119,12 +135,6 @@ def train(options: Options) -> None:
         "sha256": digest(options.out / "model.zip"),
         **provenance("train.search"),
     }
-    write_json(options.out / "card.json", card)
-    print(
-        f"mean cost {reached['cost_mean']:.4g}, success {reached['success_rate']:.3f}\n"
-        f"try it: python -m eval.leaderboard --env {options.env} "
-        f"--policies {task.reference},{options.out / 'model.zip'}"
-    )
 
 
 def tied(task: Task) -> Values:
@@ -207,31 +217,38 @@ def least(flown: Values, paid: Values, guess: Values, spread: float) -> tuple[Va
     slope, bend = fit[1 : size + 1], np.zeros((size, size))
     bend[i, j] += fit[size + 1 :]
     bend = bend + bend.T
+    step = downhill(slope, bend)
+    return guess + spread * step, float(fit[0] + slope @ step + 0.5 * step @ bend @ step)
+
+
+def downhill(slope: Values, bend: Values) -> Values:
+    """The least point of slope' x + x' bend x / 2 with |x| <= REACH, (n,).
+
+    It is -(bend + damping I)^-1 slope, with no damping or with what makes it as long as the reach.
+    """
     values, axes = np.linalg.eigh(bend)
     along = axes.T @ slope
 
-    def move(damping: float) -> Values:
-        return -along / (values + damping)
+    def length(damping: float) -> float:
+        return float(np.linalg.norm(along / (values + damping)))
 
-    low = max(0.0, 1e-9 - values.min())
-    high = low + np.linalg.norm(along) / REACH + 1e-9
-    if low > 0.0 or np.linalg.norm(move(low)) > REACH:  # trust region, by bisection of the damping
-        for _ in range(60):
-            middle = 0.5 * (low + high)
-            low, high = (
-                (middle, high) if np.linalg.norm(move(middle)) > REACH else (low, middle)
-            )
-        low = high
-    step = axes @ move(low)
-    return guess + spread * step, float(fit[0] + slope @ step + 0.5 * step @ bend @ step)
+    low = max(0.0, 1e-9 - float(values.min()))
+    high = low + float(np.linalg.norm(along)) / REACH + 1e-9
+    if low == 0.0 and length(low) <= REACH:
+        return axes @ (-along / values)
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if length(middle) > REACH else (low, middle)
+    return axes @ (-along / (values + high))
 
 
 def linear_model(lanes: LaneVecEnv, matrix: Values) -> Any:
     """An SB3 model whose mean action is a matrix (action size, row size) times the row."""
     model = PPO("MlpPolicy", lanes, policy_kwargs=LINEAR, device="cpu", seed=0)
+    mean: Any = model.policy.action_net
     with torch.no_grad():
-        model.policy.action_net.weight[:] = torch.from_numpy(matrix)
-        model.policy.action_net.bias[:] = 0.0
+        mean.weight[:] = torch.from_numpy(matrix)
+        mean.bias[:] = 0.0
     return model
 
 

@@ -1,4 +1,4 @@
-"""Residuals: what a network reads that is told the law's command, and how its correction is used."""
+"""Residuals: what a network reads that is told the law's command, and what comes of it."""
 
 from __future__ import annotations
 

@@ -61,8 +61,7 @@ def test_no_step_is_longer_than_the_reach_and_a_saddle_is_left_downhill():
 
 
 def test_noise_is_averaged_over_all_rounds():
-    least, cost = bowl(4)
-    rng = np.random.default_rng(2)
+    cost, rng = bowl(4)[1], np.random.default_rng(2)
 
     def noisy(gains, seeds):
         assert len(gains) == len(seeds)
@@ -141,7 +140,10 @@ def test_what_is_written_loads_and_says_what_it_is(tmp_path, monkeypatch, capsys
         ({"seed": -1}, "within 0 to 90000"),
         ({"seed": 89_950}, "within 0 to 90000"),
         ({"residual": "oas"}, "did you mean 'osa'"),
-        ({"env": "visenvs/Formation-v0", "residual": "follow"}, "does not say what a residual reads"),
+        (
+            {"env": "visenvs/Formation-v0", "residual": "follow"},
+            "does not say what a residual reads",
+        ),
     ],
 )
 def test_what_cannot_be_searched_is_told_in_one_line(changes, words, tmp_path, monkeypatch, capsys):

@@ -12,8 +12,8 @@ from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormalize
 
-from agents.residual import Reading, Residual
 from agents.registry import load
+from agents.residual import Reading, Residual
 from eval.rollout import rollout
 from tests.toys import toys
 from train.shaping import potential_of

@@ -148,7 +148,9 @@ class Layout:
 
     def columns(self, names: Sequence[str]) -> NDArray[np.int64]:
         """Columns of the named fields, in the order of the names."""
-        places = {f.name: (start, f.size) for f, start in zip(self.fields, self._starts, strict=True)}
+        places = {
+            f.name: (start, f.size) for f, start in zip(self.fields, self._starts, strict=True)
+        }
         return np.concatenate([places[n][0] + np.arange(places[n][1]) for n in names])
 
     def slots(self, record: np.dtype[Any]) -> NDArray[Any]:
