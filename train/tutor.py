@@ -72,7 +72,8 @@ def learn_from_truth(
         ]
         for group in optimiser.param_groups:
             group["lr"] = RATE * left / rounds
-        fit(policy, optimiser, *(np.concatenate(part) for part in zip(*kept, strict=True)), batch)
+        told, means = (np.concatenate(part) for part in zip(*kept, strict=True))
+        fit(policy, optimiser, told, means, batch)
         watch((rounds - left + 1) * steps * lanes.num_envs)
     return rounds * steps * lanes.num_envs
 

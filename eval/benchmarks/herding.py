@@ -13,13 +13,14 @@ import math
 import numpy as np
 import pymunk
 
-from visenvs.core.compile import compiled
+from visenvs.core.compile import kernel
 from visenvs.core.config import override, to_record
 from visenvs.core.lanes import Lanes
 from visenvs.core.registry import load_task
 from visenvs.dynamics.arena import add_circle
 from visenvs.dynamics.ground_robot import CIRCLES, drive_all
 from visenvs.dynamics.kinematic_arena import touch
+from visenvs.envs._herding_config import SCENARIOS
 
 from . import Budget, Portion, Row, race, row
 
@@ -64,7 +65,7 @@ def missions(**changes: str) -> Portion:
     return portion
 
 
-@compiled
+@kernel
 def drive(arena, pads, cfg, ticks):
     """So many ticks of all robots and their contacts."""
     for _ in range(ticks):
@@ -76,9 +77,8 @@ def drive(arena, pads, cfg, ticks):
 
 def robots_compiled() -> Portion:
     """A minute of fourteen robots with their firmware, and contacts by geometry."""
-    task = load_task("visenvs/Herding-v0")
-    config = task.scenarios["firmware"]
-    lanes, cfg, pads = Lanes(task, config, 1), to_record(config)[0], np.zeros((1, 3))
+    task, cfg = load_task("visenvs/Herding-v0"), to_record(SCENARIOS["firmware"])[0]
+    lanes, pads = Lanes(task, SCENARIOS["firmware"], 1), np.zeros((1, 3))
 
     def portion() -> int:
         lanes.reset([0])
@@ -90,18 +90,17 @@ def robots_compiled() -> Portion:
 
 def robots_pymunk() -> Portion:
     """The same circles, driven straight by pymunk in one space, without any firmware."""
-    task = load_task("visenvs/Herding-v0")
-    config = task.scenarios["firmware"]
-    lanes, tick = Lanes(task, config, 1), config.tick
+    task, cfg = load_task("visenvs/Herding-v0"), to_record(SCENARIOS["firmware"])[0]
+    lanes, tick = Lanes(task, SCENARIOS["firmware"], 1), float(cfg["tick"])
 
     def portion() -> int:
         lanes.reset([0])
         arena, space = lanes.records[0], pymunk.Space()
         for k in range(CIRCLES):
             body = pymunk.Body(1.0, math.inf)
-            add_circle(space, body, arena["r_R_N"][k], config.robot_radius, 1)
+            add_circle(space, body, arena["r_R_N"][k], float(cfg["robot_radius"]), 1)
             heading = arena["heading"][k]
-            body.velocity = config.speed * math.cos(heading), config.speed * math.sin(heading)
+            body.velocity = cfg["speed"] * math.cos(heading), cfg["speed"] * math.sin(heading)
         places = np.zeros((CIRCLES, 2))
         for _ in range(TICKS):
             space.step(tick)

@@ -60,7 +60,9 @@ def test_it_flies_as_its_network_says_and_trusts_nobody(folder):
 
 def test_pictures_of_another_size_are_refused(folder):
     other = TASK.under(override(CONFIG, {"observation": "pixels", "frame": 64}))
-    with pytest.raises(ValueError, match=r"make no network|pictures \(48, 48, 6\), .* \(64, 64, 6\)"):
+    with pytest.raises(
+        ValueError, match=r"make no network|pictures \(48, 48, 6\), .* \(64, 64, 6\)"
+    ):
         load_network(folder / "model.zip", other)
     with pytest.raises(ValueError, match="train with `python -m train.sb3"):
         load_network(folder / "model.zip", TASK)
