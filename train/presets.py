@@ -102,8 +102,8 @@ PRESETS: dict[tuple[str, Algo], Preset] = {
         ON_POLICY
         | {"n_steps": 256, "batch_size": 2048, "n_epochs": 3, "gamma": 0.998, "gae_lambda": 0.9}
         | {"learning_rate": 2e-4, "ent_coef": 0.001, "target_kl": 0.02},
-        sets=64,
-        imitation=200_000,
+        sets=96,
+        imitation=600_000,
         validation=100,
         settings={"arena": "kinematic"},
     ),
