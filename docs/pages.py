@@ -30,8 +30,10 @@ ESTIMATION = DOCS.parent / "visenvs" / "estimation"
 CASES = {  # of `eval.reproduce`, where a published figure can be compared with ours
     "Rendezvous-v0": ("rendezvous", "lq-gains"),
     "Tracking2D-v0": ("table2", "table3", "table4", "table5", "fig44", "fig47", "fig50"),
-    "Avoidance-v0": ("fig25", "fig27", "fig30", "fig34", "iisc-2", "iisc-3", "iisc-4", "iisc-5")
-    + ("iisc-sigma",),
+    "Avoidance-v0": (
+        *("fig25", "fig27", "fig30", "fig34"),
+        *("iisc-2", "iisc-3", "iisc-4", "iisc-5", "iisc-sigma"),
+    ),
     "Formation-v0": ("fig7", "fig8", "fig10", "fig11", "gtmax", "gtyak", "string", "leader", "ukf"),
     "Mapping-v0": ("fig15", "fig16", "fig18", "fig19"),
     "Herding-v0": ("iarc-fig3", "iarc-fig5", "iarc-fig7", "ddp"),
@@ -258,14 +260,16 @@ def figures(rows: list[dict[str, Any]]) -> str:
         "|---|---:|---:|---:|---:|---|---|",
     ]
     for row in rows:
-        low, high = (number(row[end]) for end in ("low", "high"))
-        accepted = (
-            f"{low} to {high}" if low and high else low and f"≥ {low}" or high and f"≤ {high}"
-        )
+        band = "" if row["ok"] is None else f"{end(row['low'], '-∞')} to {end(row['high'], '∞')}"
         verdict = {True: "ok", False: "off", None: ""}[row["ok"]]
         cells = [number(row[key]) for key in ("paper", "ours", "se", "n")]
-        lines.append(f"| `{row['id']}` | {' | '.join(cells)} | {accepted} | {verdict} |")
+        lines.append(f"| `{row['id']}` | {' | '.join(cells)} | {band} | {verdict} |")
     return "\n".join(lines)
+
+
+def end(value: Any, open_end: str) -> str:
+    """One end of a band."""
+    return open_end if value is None else number(value)
 
 
 def number(value: Any) -> str:

@@ -6,6 +6,7 @@ episode is flown on a training seed of its own, below 90000, so that evaluation 
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -20,6 +21,7 @@ from visenvs.core.cli import launch
 from visenvs.core.config import Config, pick
 from visenvs.core.lanes import Lanes, Task
 from visenvs.core.outcome import RUNNING
+from visenvs.core.provenance import provenance
 from visenvs.core.registry import load_task
 
 from .sb3 import TRAINING_SEEDS
@@ -73,18 +75,24 @@ def run(options: Options) -> None:
     settings = {"scenario": scenario}
     if hasattr(config, "observation"):
         settings["observation"] = config.observation  # type: ignore[attr-defined]
-    dataset = minari.create_dataset_from_buffers(
-        options.dataset,
-        buffers,
-        env=gym.make(options.env, **settings).spec,
-        observation_space=task.space,
-        action_space=task.action.space,
-        algorithm_name=entry.name,
-        description=f"{options.env}, {scenario}: {entry.summary}",
-        data_format="hdf5",
-        requirements=["visenvs"],
-        jpeg_encoding=False,
-    )
+    spec, made = gym.make(options.env, **settings).spec, provenance("train.minari_export")
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", ".*author_email.*", UserWarning)  # there is none
+        dataset = minari.create_dataset_from_buffers(
+            options.dataset,
+            buffers,
+            env=spec,
+            eval_env=spec,
+            observation_space=task.space,
+            action_space=task.action.space,
+            algorithm_name=entry.name,
+            author="visenvs contributors",
+            code_permalink=f"visenvs {made['versions']['visenvs']}, commit {made['commit']}",
+            description=f"{options.env}, {scenario}: {entry.summary}",
+            data_format="hdf5",
+            requirements=["visenvs"],
+            jpeg_encoding=False,
+        )
     print(f"{dataset.total_episodes} episodes, {dataset.total_steps:,} steps: {options.dataset}")
     print(f"learn from it: python -m train.clone --dataset {options.dataset} --out runs/clone")
 

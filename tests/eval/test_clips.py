@@ -30,9 +30,10 @@ def a_board(*costs_by_policy):
 
 
 def test_the_best_and_the_reference_are_shown_and_nobody_blind():
-    board = a_board(("lq", COSTS), ("osa", COSTS / 2), ("pn", COSTS / 1.5), ("zero", COSTS / 9))
+    costs = np.array([3.0, 1.0, 4.0])
+    board = a_board(("lq", costs), ("osa", costs / 2), ("pn", costs / 1.5), ("zero", costs / 9))
     assert [row["policy"] for row, _ in shown(board)] == ["osa", "lq"]
-    assert [row["policy"] for row, _ in shown(a_board(("lq", COSTS)))] == ["lq"]
+    assert [row["policy"] for row, _ in shown(a_board(("lq", costs)))] == ["lq"]
 
 
 def test_the_median_and_the_worst_episode_are_flown_once_more(monkeypatch):

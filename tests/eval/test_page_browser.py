@@ -30,7 +30,8 @@ const heads = [...document.querySelectorAll("thead button")];
 press(heads.find(head => head.textContent.startsWith("J mean")));
 seen.sorted = shown();
 const box = element => element.getBoundingClientRect();
-const handles = [...document.querySelectorAll("button, a, summary")].filter(e => e.getClientRects().length);
+const handles = [...document.querySelectorAll("button, a, summary")]
+  .filter(e => e.getClientRects().length);
 seen.unreachable = handles.filter(e => e.tabIndex < 0).map(e => e.textContent);
 seen.small = handles.filter(e => box(e).height < 24).map(e => [e.textContent, box(e).height]);
 const flights = document.querySelector(".flights"), image = flights.querySelector("img");
