@@ -56,7 +56,7 @@ films: $(INSTALLED) ## fly the moving pictures of the documents anew
 
 audit: $(INSTALLED) ## look the pinned packages up in the database of known vulnerabilities
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check pip-audit
-	$(BIN)/pip-audit --disable-pip --no-deps --progress-spinner off -r constraints.txt
+	$(BIN)/pip-audit --disable-pip --no-deps --strict --progress-spinner off -r constraints.txt
 
 floors: ## install the oldest versions that pyproject.toml allows, fly every id
 	rm -rf build/floors && $(PYTHON) -m venv build/floors

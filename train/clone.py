@@ -16,7 +16,7 @@ import torch
 from numpy.typing import NDArray
 
 from visenvs.core.cli import launch
-from visenvs.core.config import override, pick, to_json
+from visenvs.core.config import field_types, override, pick, to_json
 from visenvs.core.files import write_json
 from visenvs.core.layout import Choices
 from visenvs.core.provenance import provenance
@@ -54,10 +54,12 @@ def run(options: Options) -> None:
         )
     dataset = opened(options.dataset)
     spec = dataset.env_spec
-    env, asked = spec.id, dict(spec.kwargs)
+    env, asked = spec.id, spec.kwargs
     task = load_task(env)
-    scenario = asked.pop("scenario", next(iter(task.scenarios)))
-    config = override(pick("scenario", scenario, task.scenarios), asked)
+    scenario = asked.get("scenario", next(iter(task.scenarios)))
+    config = pick("scenario", scenario, task.scenarios)
+    known = field_types(type(config))
+    config = override(config, {name: value for name, value in asked.items() if name in known})
     task = task.under(config)
     if isinstance(task.action, Choices) or task.frames is not None:
         raise ValueError(f"only rows and continuous actions are cloned, not those of {env}")
