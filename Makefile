@@ -39,6 +39,7 @@ coverage: $(INSTALLED) ## which lines the tests reach, kernels included
 	$(BIN)/coverage run -m pytest
 	NUMBA_DISABLE_JIT=1 $(BIN)/coverage run --append -m pytest -m kernel
 	$(BIN)/coverage report
+	$(BIN)/coverage report --include='visenvs/*' --format=total --fail-under=90
 
 docs: $(INSTALLED) ## build the documents into build/docs, tutorials executed, warnings as errors
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'

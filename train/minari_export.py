@@ -9,6 +9,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
 
 import gymnasium as gym
@@ -100,11 +101,10 @@ def run(options: Options) -> None:
 def library() -> Any:
     """Minari, or an ImportError that says what to install."""
     try:
-        import h5py  # noqa: F401
-        import minari
+        import_module("h5py")  # it keeps the files
+        return import_module("minari")
     except ImportError as error:
         raise ImportError(INSTALL) from error
-    return minari
 
 
 def fly(policy: Policy, task: Task, config: Config, seeds: Sequence[int]) -> list[Any]:
@@ -135,11 +135,10 @@ def _buffer(
     rewards: NDArray[np.float64],
     cut: NDArray[np.bool_],
 ) -> Any:
-    from minari.data_collector import EpisodeBuffer
-
+    buffer = import_module("minari.data_collector").EpisodeBuffer
     truncated = bool(cut[n - 1, i])
     last = np.arange(n) == n - 1
-    return EpisodeBuffer(
+    return buffer(
         seed=seed,
         observations=rows[: n + 1, i],
         actions=actions[:n, i],

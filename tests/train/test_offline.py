@@ -54,7 +54,7 @@ def test_its_environment_begins_as_its_episodes_do():
     np.testing.assert_array_equal(row, episode.observations[1])
 
 
-def test_a_clone_flies_like_its_expert_and_is_loaded_like_any_model(tmp_path, monkeypatch):
+def test_a_clone_flies_like_its_expert_and_is_loaded_like_any_model(tmp_path):
     exported(60)
     out = tmp_path / "clone"
     assert guarded(lambda: clone.run(clone.Options(NAME, out, passes=60))) == 0
