@@ -76,9 +76,8 @@ def run(options: Options) -> None:
     told = {"best": best, "config": to_json(config), **provenance("train.clone")}
     card = sb3.card(made, task, scenario, preset, told) | {"dataset": options.dataset}
     write_json(options.out / "card.json", card)
-    print(
-        f"from {len(rows):,} steps: mean cost {best['cost_mean']:.4g}, success {best['success_rate']:.3f}"
-    )
+    reached = f"mean cost {best['cost_mean']:.4g}, success {best['success_rate']:.3f}"
+    print(f"from {len(rows):,} steps: {reached}")
     print(
         f"try it: python -m eval.leaderboard --env {env} "
         f"--policies {task.reference},{options.out / 'model.zip'}"

@@ -73,9 +73,9 @@ def run(options: Options) -> None:
     for first in range(0, options.episodes, AT_ONCE):
         seeds = range(first, min(first + AT_ONCE, options.episodes))
         buffers += fly(entry.policy, task, config, seeds)
-    settings = {"scenario": scenario}
+    settings: dict[str, Any] = {"scenario": scenario}
     if hasattr(config, "observation"):
-        settings["observation"] = config.observation  # type: ignore[attr-defined]
+        settings["observation"] = vars(config)["observation"]
     spec, made = gym.make(options.env, **settings).spec, provenance("train.minari_export")
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", ".*author_email.*", UserWarning)  # there is none

@@ -64,7 +64,10 @@ def a_result(policy, cost, information="belief", estimator="ekf"):
     )
 
 
-DOT = "data:image/webp;base64,UklGRjIAAABXRUJQVlA4ICYAAABwAQCdASoQAAkAB0CWJaACdAFAAAD+xO/Xqlty0b7bd+uiqAAAAA=="
+DOT = (
+    "data:image/webp;base64,"
+    "UklGRjIAAABXRUJQVlA4ICYAAABwAQCdASoQAAkAB0CWJaACdAFAAAD+xO/Xqlty0b7bd+uiqAAAAA=="
+)
 CLIP = Clip("osa", "worst", 100_007, 3.25, "out_of_bounds", DOT)
 
 
