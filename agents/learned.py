@@ -16,12 +16,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from visenvs.core.lanes import Task
 from visenvs.core.layout import Choices, Layout
 
-from .policy import Actions, Policy, Rows, State
+from .policy import Actions, Rows, State
+from .residual import Residual
 
 # The layer that reads the observation tells the algorithm; recurrent PPO also has plain PPO's.
 # Maskable PPO's network is plain PPO's: that actions are choices tells.
@@ -31,31 +33,13 @@ FIRST_LAYER = {
     "recurrent_ppo": "lstm_actor.weight_ih_l0",
     "ppo": "mlp_extractor.policy_net.0.weight",
 }
+PICTURES = "features_extractor.full.0.weight"  # our own, see `pictures.py`
+LINEAR = "action_net.weight"  # the layer that reads where PPO's network has no hidden one
 SETS = "features_extractor.encoder."  # our own, see `sets.py`
 CHOOSING = "action_net.apiece.weight"  # our own, see `choosing.py`
 CARD = ("information", "algo", "residual", "steps")  # what is read of it besides its sha256
-RESIDUAL = {"law", "scale"}
+RESIDUAL = {"law", "scale"}  # and "reads" where the network is told the law's command
 ACTIVATIONS = ("Tanh", "ReLU", "ELU", "LeakyReLU", "SiLU", "GELU")
-
-
-class Residual:
-    """A learned correction on top of a law: action = clip(law + scale x correction)."""
-
-    def __init__(self, law: Policy, scale: float) -> None:
-        if not 0.0 < scale <= 1.0:
-            raise ValueError(f"the scale of a residual must lie in (0, 1], got {scale}")
-        self._law = law
-        self._scale = np.float32(scale)
-
-    def combine(self, observation: Rows, correction: Rows) -> Rows:
-        """Actions (n, size) from rows and corrections in [-1, 1]; law memory is not used."""
-        action, _ = self._law.predict(observation)
-        return np.clip(action + self._scale * correction, -1.0, 1.0).astype(np.float32, copy=False)
-
-    def missing(self, observation: Rows, wanted: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The corrections that make `combine` give the wanted actions, (n, size), not clipped."""
-        action, _ = self._law.predict(observation)
-        return (wanted - action) / self._scale
 
 
 class LearnedPolicy:
@@ -65,7 +49,7 @@ class LearnedPolicy:
         self._network = network
         self._task = task
         self._residual = residual
-        self._plain = _is_plain(network)
+        self._plain = task.frames is None and _is_plain(network)
 
     def predict(
         self,
@@ -75,16 +59,21 @@ class LearnedPolicy:
         deterministic: bool = True,
     ) -> tuple[Actions, State | None]:
         """Actions of the network, plus the law's where it is a residual."""
-        choices, told = self._task.action, (observation, state, episode_start, deterministic)
+        choices = self._task.action
         if isinstance(choices, Choices):
             allowed = choices.allowed(observation, self._task.observation)
+            told = observation, state, episode_start, deterministic
             return self._network.predict(*told, action_masks=allowed)
-        if self._plain and deterministic:
-            action = np.clip(_mean(self._network, observation), -1.0, 1.0)
-        else:
-            action, state = self._network.predict(*told)
+        seen, command = observation, None
         if self._residual is not None:
-            action = self._residual.combine(observation, action)
+            command = self._residual.command(observation)
+            seen = self._residual.seen(observation, command)
+        if self._plain and deterministic:
+            action = np.clip(_mean(self._network, seen), -1.0, 1.0)
+        else:
+            action, state = self._network.predict(seen, state, episode_start, deterministic)
+        if self._residual is not None and command is not None:
+            action = self._residual.combine(command, action)
         return np.clip(action, -1.0, 1.0), state
 
 
@@ -109,7 +98,8 @@ def _mean(network: Any, observation: NDArray[Any]) -> Rows:
 class Architecture:
     """What it takes to rebuild an SB3 policy: algorithm, layer widths, activation, special widths.
 
-    `lstm` and `sets` are the widths of a memory and of a network for lists, 0 where there is none.
+    `lstm`, `sets` and `pictures` are the widths of a memory, of a network for lists and of one for
+    pictures, 0 where there is none.
     """
 
     algo: str
@@ -117,6 +107,7 @@ class Architecture:
     activation: str
     lstm: int = 0
     sets: int = 0
+    pictures: int = 0
 
 
 def digest(path: Path) -> str:
@@ -144,9 +135,14 @@ def read_card(model: Path) -> dict[str, Any]:
             f"{path} does not say {', '.join(lacking)}; expected what `python -m train.sb3` writes"
         )
     residual = card["residual"]
-    if residual is not None and not (isinstance(residual, dict) and set(residual) == RESIDUAL):
+    if residual is not None and not (
+        isinstance(residual, dict)
+        and set(residual) in (RESIDUAL, RESIDUAL | {"reads"})
+        and isinstance(residual.get("reads", []), list)
+    ):
         raise ValueError(
-            f'{path}: residual must be null or {{"law": NAME, "scale": NUMBER}}, got {residual!r}'
+            f'{path}: residual must be null or {{"law": NAME, "scale": NUMBER}}, and may have '
+            f'"reads": [FIELD, ...], got {residual!r}'
         )
     return card
 
@@ -178,7 +174,7 @@ def load_network(path: Path, task: Task, trust: bool = False) -> Any:
     if task.frames is not None and len(seen) == 3:
         seen = (*seen[1:], seen[0])  # SB3 puts the channels of pictures first
     if seen != task.space.shape:
-        raise _wrong_space(path, task, seen[0])
+        raise _wrong_space(path, task, seen)
     network.set_training_mode(False)
     return network
 
@@ -232,6 +228,8 @@ def _algorithm(path: Path, weights: dict[str, Any]) -> str:
     for algo, layer in FIRST_LAYER.items():
         if layer in weights:
             return algo
+    if LINEAR in weights:
+        return "ppo"
     raise ValueError(f"{path}: the weights are not of a PPO, RecurrentPPO, SAC or TD3 policy")
 
 
@@ -243,6 +241,7 @@ def _architecture(
         for name in weights
         if name.startswith(("features_extractor.", "actor.features_extractor."))
         and not (algo == "ppo" and (name.startswith(SETS) or CHOOSING in weights))
+        and PICTURES not in weights
     ]
     if extra:
         raise ValueError(
@@ -264,7 +263,8 @@ def _architecture(
         lstm = weights["lstm_actor.weight_hh_l0"].shape[1] if algo == "recurrent_ppo" else 0
         first = weights.get(f"{SETS}0.weight")
         sets = 0 if first is None else first.shape[0]
-        return Architecture(algo, {"pi": pi, "vf": vf}, activation, lstm, sets)
+        pictures = 0 if PICTURES not in weights else weights[PICTURES].shape[0]
+        return Architecture(algo, {"pi": pi, "vf": vf}, activation, lstm, sets, pictures)
     pi = _widths(weights, "actor.latent_pi") if algo == "sac" else _widths(weights, "actor.mu")[:-1]
     return Architecture(algo, {"pi": pi, "qf": _widths(weights, "critic.qf0")[:-1]}, activation)
 
@@ -299,17 +299,23 @@ def _rebuild(arch: Architecture, weights: dict[str, Any], task: Task, path: Path
     policy_class = _algorithm_class(algo).policy_aliases[
         "MlpLstmPolicy" if arch.lstm else "MlpPolicy"
     ]
-    size = int(weights[FIRST_LAYER[arch.algo]].shape[1])
-    if arch.sets and any(field.each > 1 for field in task.observation.fields):
+    layer = FIRST_LAYER[arch.algo]
+    size = int(weights[layer if layer in weights else LINEAR].shape[1])
+    if arch.pictures:
+        kwargs |= picture_network(arch.pictures)
+    elif arch.sets and any(field.each > 1 for field in task.observation.fields):
         kwargs |= set_network(task.observation, arch.sets)
     elif size != task.observation.size:
-        raise _wrong_space(path, task, size)
+        raise _wrong_space(path, task, (size,))
     policy = policy_class(*_spaces(task), _no_training, **kwargs)
     return _fill(policy, weights, arch, task, path)
 
 
 def _spaces(task: Task) -> tuple[Any, Any]:
-    return task.observation.space, task.action.space
+    seen = task.space
+    if task.frames is not None:  # SB3 puts the channels of pictures first
+        seen = Box(0, 255, (seen.shape[2], *seen.shape[:2]), np.uint8)
+    return seen, task.action.space
 
 
 def _fill(policy: Any, weights: dict[str, Any], arch: Architecture, task: Task, path: Path) -> Any:
@@ -331,6 +337,16 @@ def set_network(layout: Layout, width: int) -> dict[str, Any]:
         "features_extractor_class": SetNetwork,
         "features_extractor_kwargs": settings,
         "share_features_extractor": False,  # large values would drown what the actor learns
+    }
+
+
+def picture_network(width: int) -> dict[str, Any]:
+    """Arguments of an SB3 policy that reads pictures."""
+    from .pictures import PictureNetwork
+
+    return {
+        "features_extractor_class": PictureNetwork,
+        "features_extractor_kwargs": {"width": width},
     }
 
 
@@ -358,9 +374,13 @@ def _algorithm_class(algo: str) -> Any:
     return {**classes, "recurrent_ppo": RecurrentPPO}[algo]
 
 
-def _wrong_space(path: Path, task: Task, size: int) -> ValueError:
+def _wrong_space(path: Path, task: Task, shape: tuple[int, ...]) -> ValueError:
+    trained, given = (
+        f"{size[0]} numbers" if len(size) == 1 else f"pictures {size}"
+        for size in (shape, task.space.shape)
+    )
+    names = f" ({', '.join(task.observation.names)})" if task.frames is None else ""
     return ValueError(
-        f"{path} was trained on observations of {size} numbers, "
-        f"{task.id} gives {task.observation.size} "
-        f"({', '.join(task.observation.names)}); train with `python -m train.sb3 --env {task.id}`"
+        f"{path} was trained on observations of {trained}, {task.id} gives "
+        f"{given}{names}; train with `python -m train.sb3 --env {task.id}`"
     )

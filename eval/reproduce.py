@@ -32,6 +32,8 @@ class Options(Workers):
     """tables and figures by name; all if none is named"""
     episodes: int = 100
     """episodes for each figure that has chance in it, on the first public seeds"""
+    images: bool = False
+    """add the rows of cases that are also flown on rendered pictures"""
     json: Path | None = None
     """where to write the rows, after each case that is done"""
     plots: Path | None = None
@@ -50,7 +52,9 @@ def main(options: Options) -> None:
     chosen = list(dict.fromkeys(options.cases or known))
     for name in chosen:
         pick("case", name, known)
-    calls = [(name, options.episodes, options.plots) for name in chosen]
+    if options.images and not any(hasattr(known[name], "image_rows") for name in chosen):
+        raise ValueError(f"--images: none of {', '.join(chosen)} is flown on rendered pictures")
+    calls = [(name, options.episodes, options.plots, options.images) for name in chosen]
     done = completed(fly, calls, options)
     found: dict[int, list[Row]] = {}
     screen = Console(stderr=True)
@@ -73,10 +77,14 @@ def keep(path: Path, found: dict[int, list[Row]], made: dict[str, Any]) -> None:
     write_json(path, {"rows": [{**asdict(row), "ok": row.ok} for row in rows], "meta": made})
 
 
-def fly(name: str, episodes: int, plots: Path | None) -> tuple[list[Row], Path | None]:
-    """The rows of a case, and its picture if there is a folder for it."""
+def fly(
+    name: str, episodes: int, plots: Path | None, images: bool = False
+) -> tuple[list[Row], Path | None]:
+    """The rows of a case, those on rendered pictures too, and its plot if there is a folder."""
     case = cases()[name]
     rows = list(case.rows(episodes))
+    if images and hasattr(case, "image_rows"):
+        rows += case.image_rows(episodes)
     drawn = plots is not None and hasattr(case, "plot")
     return rows, case.plot(plots, episodes) if drawn else None
 

@@ -38,6 +38,7 @@ class Keeper(BaseCallback):
         best: mean cost, steps and success rate of the best model of an earlier session, or None.
         note: called with these figures whenever there is a new best model, to write its card: a
             training that is killed must not leave a model without one.
+        curve: receives steps, mean and median cost of every validation.
         at_once: also validate before the first step, where the network has learnt already.
     """
 
@@ -49,6 +50,7 @@ class Keeper(BaseCallback):
         best: dict[str, Any] | None,
         note: Callable[[dict[str, Any]], None],
         at_once: bool = False,
+        curve: list[Any] | None = None,
     ) -> None:
         super().__init__()
         self._lanes = lanes
@@ -58,6 +60,7 @@ class Keeper(BaseCallback):
         self.best = best
         self._note = note
         self._at_once = at_once
+        self._curve: list[Any] = [] if curve is None else curve
 
     def _on_training_start(self) -> None:
         self._next = self.num_timesteps + self._every
@@ -68,6 +71,10 @@ class Keeper(BaseCallback):
         return True
 
     def _on_rollout_end(self) -> None:
+        self.watch()
+
+    def watch(self) -> None:
+        """Validate where it is time to."""
         if self.num_timesteps >= self._next:
             self._next = self.num_timesteps + self._every
             self.keep()
@@ -75,6 +82,7 @@ class Keeper(BaseCallback):
     def keep(self) -> None:
         """Validate now, keep the model if it is the best, and write the checkpoint."""
         found = validate(self.model, self._lanes)
+        self._curve.append([self.num_timesteps, found["cost_mean"], found["cost_median"]])
         for name, value in found.items() if self.n_calls else ():  # before training there is no log
             self.logger.record(f"validation/{name}", value)
         if self.best is None or found["cost_mean"] < self.best["cost_mean"]:

@@ -18,7 +18,8 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.utils import set_random_seed
 
 from agents import registry
-from agents.learned import Residual, choice_network, digest, read_card, set_network
+from agents.learned import choice_network, digest, picture_network, read_card, set_network
+from agents.residual import Reading, Residual, Scale
 from visenvs.core.cli import launch
 from visenvs.core.config import Config, override, pick, to_json
 from visenvs.core.files import read_json, write_json
@@ -43,7 +44,6 @@ ALGORITHMS: dict[str, type[BaseAlgorithm]] = {
 }
 POLICIES = {"recurrent_ppo": "MlpLstmPolicy"}
 TRAINING_SEEDS = 90_000
-TUTORED = 600  # steps of every lane in a round of tutoring
 VALIDATION_SEEDS = range(90_000, 91_000)
 
 
@@ -92,7 +92,7 @@ def train(options: Options, preset: Preset | None = None) -> None:
     config = override(config, {name: value for name, value in asked.items() if value is not None})
     task = task.under(config)
     check_action(options, task)
-    preset = preset or preset_for(options.env, options.algo)
+    preset = preset or preset_for(options.env, options.algo, task.frames is not None)
     config = override(config, preset.settings)
     run = open_run(options, task, scenario, config)
     lanes, validation = build_lanes(options, preset, task, config, run["sessions"])
@@ -109,12 +109,13 @@ def train(options: Options, preset: Preset | None = None) -> None:
         write_json(options.out / "run.json", run)
         write_json(options.out / "card.json", card(options, task, scenario, preset, run))
 
-    keeper = Keeper(validation, options.validate_every, options.out, run["best"], note, fresh)
+    every, curve = options.validate_every, run.setdefault("curve", [])
+    keeper = Keeper(validation, every, options.out, run["best"], note, fresh, curve)
     began, cpu, before = time.time(), time.process_time(), model.num_timesteps
     bar, finished = Bar(), False
     try:
         if options.tutor and before == 0:
-            begin_with_tutor(options.tutor, model, lanes, task, config, keeper)
+            begin_with_tutor(options.tutor, preset, model, lanes, task, config, keeper)
             before = model.num_timesteps
         model.learn(
             max(options.steps - before, 0),
@@ -150,13 +151,24 @@ def train(options: Options, preset: Preset | None = None) -> None:
 
 
 def begin_with_tutor(
-    rounds: int, model: Any, lanes: LaneVecEnv, task: Task, config: Config, keeper: Keeper
+    rounds: int,
+    preset: Preset,
+    model: Any,
+    lanes: LaneVecEnv,
+    task: Task,
+    config: Config,
+    keeper: Keeper,
 ) -> None:
     """Learn from the truth, count the steps that this took, and keep the result."""
     teacher = teacher_of(task, config)
-    model.num_timesteps = learn_from_truth(model, lanes, teacher, rounds, TUTORED)
     keeper.init_callback(model)
-    keeper.num_timesteps = model.num_timesteps
+    keeper.keep()  # where the curve begins
+
+    def watch(steps: int) -> None:
+        model.num_timesteps = keeper.num_timesteps = steps
+        keeper.watch()
+
+    learn_from_truth(model, lanes, teacher, rounds, *preset.tutoring, watch)
     keeper.keep()
 
 
@@ -245,7 +257,8 @@ def build_lanes(
     residual = None
     if options.residual is not None:
         law = registry.load_law(options.residual, task, config)
-        residual = Residual(law, scale_of(options, preset))
+        reading = Reading(task, preset.reads) if preset.reads else None
+        residual = Residual(law, scale_of(options, preset), reading)
     lanes = LaneVecEnv(
         task,
         config,
@@ -258,7 +271,7 @@ def build_lanes(
     return lanes, LaneVecEnv(task, config, VALIDATION_SEEDS[: preset.validation], residual)
 
 
-def scale_of(options: Options, preset: Preset) -> float:
+def scale_of(options: Options, preset: Preset) -> Scale:
     """How far a residual may correct, over the longest action."""
     return preset.residual_scale if options.residual_scale is None else options.residual_scale
 
@@ -278,10 +291,11 @@ def build_model(options: Options, preset: Preset, lanes: LaneVecEnv) -> BaseAlgo
         return start * max(left, 0.05)
 
     settings: dict[str, Any] = preset.model | {"learning_rate": schedule}
-    task, policy = lanes.lanes.task, POLICIES.get(options.algo, "MlpPolicy")
+    task, policy = lanes.task, POLICIES.get(options.algo, "MlpPolicy")
     sets: dict[str, Any] = {}
     if task.frames is not None:
         policy = policy.replace("Mlp", "Cnn")
+        sets = picture_network(preset.pictures) if preset.pictures else {}
     elif preset.sets and isinstance(task.action, Choices):
         policy, sets = choice_network(task, preset.sets)
     elif preset.sets:
@@ -300,7 +314,10 @@ def card(
     options: Options, task: Task, scenario: str, preset: Preset, run: dict[str, Any]
 ) -> dict[str, Any]:
     """What somebody must know of the model: what it flies, how it was made, what it reached."""
-    scale = scale_of(options, preset)
+    residual: dict[str, Any] | None = None
+    if options.residual is not None:
+        residual = {"law": options.residual, "scale": scale_of(options, preset)}
+        residual |= {"reads": list(preset.reads)} if preset.reads else {}
     best = dict(run["best"])
     return {
         "env": task.id,
@@ -308,10 +325,12 @@ def card(
         "estimator": run["config"].get("estimator"),
         "information": run["config"].get("observation", "belief"),
         "algo": options.algo,
-        "residual": None if options.residual is None else {"law": options.residual, "scale": scale},
-        "policy": preset.policy | ({"sets": preset.sets} if preset.sets else {}),
+        "residual": residual,
+        "policy": preset.policy
+        | {name: getattr(preset, name) for name in ("sets", "pictures") if getattr(preset, name)},
         "steps": best.pop("steps"),
         "reached": best,
+        "curve": run["curve"],
         "seeds": {
             "training": [0, TRAINING_SEEDS - 1],
             "validation": [VALIDATION_SEEDS[0], VALIDATION_SEEDS[: preset.validation][-1]],

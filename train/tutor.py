@@ -17,21 +17,30 @@ import torch
 from numpy.typing import NDArray
 from stable_baselines3 import PPO
 
+from agents.registry import load_law
 from visenvs.core.compile import kernel
-from visenvs.core.config import Config, field_types, to_record
-from visenvs.core.lanes import Task
+from visenvs.core.config import Config, field_types, override, to_record
+from visenvs.core.lanes import Task, as_floats
+from visenvs.core.loop import write_rows
 
 from .vec_env import LaneVecEnv
 
-BATCH, RATE = 2048, 1e-3
-KEPT = 6  # rounds whose rows are kept
+RATE = 1e-3
 FIELDS = ("leader", "v_V_N", "heading", "tracking_error", "offset_F", "offset_rate")
 SETTINGS = ("s_r", "a_max")
+TEACHER = "dgg-open"  # of those who see pictures
 Teacher = Callable[[NDArray[Any]], NDArray[np.float64]]
 
 
 def learn_from_truth(
-    model: PPO, lanes: LaneVecEnv, teacher: Teacher, rounds: int, steps: int
+    model: PPO,
+    lanes: LaneVecEnv,
+    teacher: Teacher,
+    rounds: int,
+    steps: int = 600,
+    batch: int = 2048,
+    keep: int = 6,
+    watch: Callable[[int], None] = lambda _steps: None,
 ) -> int:
     """Train the policy's mean in place; returns how many environment steps that took.
 
@@ -41,6 +50,9 @@ def learn_from_truth(
         teacher: wanted actions over the longest one from lane records.
         rounds: how often the network flies and learns.
         steps: of every lane in a round.
+        batch: rows of one step of the optimiser.
+        keep: how many rounds' rows are learnt from.
+        watch: called after every round with the environment steps so far.
     """
     policy: Any = model.policy
     optimiser = torch.optim.Adam(policy.parameters(), lr=RATE)
@@ -54,20 +66,26 @@ def learn_from_truth(
             wanted.append(lanes.correction(teacher(lanes.lanes.records)))
             actions, _ = model.predict(row, deterministic=True)
             row, _, _, _ = lanes.step(actions)
-        kept = [*kept[-KEPT + 1 :], (np.concatenate(rows), np.concatenate(wanted))]
+        kept = [
+            *kept[max(len(kept) - keep + 1, 0) :],
+            (np.concatenate(rows), np.concatenate(wanted)),
+        ]
         for group in optimiser.param_groups:
             group["lr"] = RATE * left / rounds
-        fit(policy, optimiser, *(np.concatenate(part) for part in zip(*kept, strict=True)))
+        told, means = (np.concatenate(part) for part in zip(*kept, strict=True))
+        fit(policy, optimiser, told, means, batch)
+        watch((rounds - left + 1) * steps * lanes.num_envs)
     return rounds * steps * lanes.num_envs
 
 
-def fit(policy: Any, optimiser: torch.optim.Optimizer, rows: Any, wanted: Any) -> None:
+def fit(policy: Any, optimiser: torch.optim.Optimizer, rows: Any, wanted: Any, batch: int) -> None:
     """One pass over rows (n, k) and wanted means (n, size) in random order."""
     order = torch.randperm(len(rows))
-    inputs, targets = torch.as_tensor(rows), torch.as_tensor(wanted)
-    for start in range(0, len(order), BATCH):
-        some = order[start : start + BATCH]
-        mean = policy.get_distribution(inputs[some]).distribution.mean
+    targets = torch.as_tensor(wanted)
+    for start in range(0, len(order), batch):
+        some = order[start : start + batch]
+        inputs, _ = policy.obs_to_tensor(rows[some.numpy()])  # channels of pictures first
+        mean = policy.get_distribution(inputs).distribution.mean
         loss = torch.nn.functional.mse_loss(mean, targets[some])
         optimiser.zero_grad()
         loss.backward()
@@ -93,7 +111,12 @@ def place_commands(lanes, settings, out):
 
 
 def teacher_of(task: Task, config: Config) -> Teacher:
-    """What perfect information would command, for tasks that charge the distance from a place."""
+    """What perfect information would command, where the distance from a place is charged.
+
+    Where pictures are observed, what the task's law commands that knows all.
+    """
+    if task.frames is not None:
+        return Told(task, config)
     known = set(task.lane.names or ()), set(field_types(type(config)))
     if not set(FIELDS) <= known[0] or not set(SETTINGS) <= known[1]:
         raise ValueError(f"there is no tutor for {task.id}; leave --tutor out")
@@ -105,3 +128,21 @@ def teacher_of(task: Task, config: Config) -> Teacher:
         return out
 
     return teacher
+
+
+class Told:
+    """The law called TEACHER, told the truth, for whoever sees pictures only."""
+
+    def __init__(self, task: Task, config: Config) -> None:
+        told = override(config, {"observation": "belief", "estimator": "truth"})
+        self._task = task.under(told)
+        self._law = load_law(TEACHER, self._task, told)
+        self._slots = self._task.observation.slots(task.lane)
+        self._state: Any = None
+
+    def __call__(self, lanes: NDArray[Any]) -> NDArray[np.float64]:
+        """What it would command the lanes whose records these are, over the longest action."""
+        rows = np.zeros((len(lanes), self._task.observation.size), np.float32)
+        write_rows(as_floats(lanes), self._slots, rows)
+        actions, self._state = self._law.predict(rows, self._state, lanes["step"] == 0)
+        return actions.astype(float)

@@ -60,9 +60,9 @@ def test_no_picture_is_taken_between_the_images_and_none_for_the_truth():
 
 
 def test_pictures_are_observations():
-    env = gymnasium.make(ID, observation="pixels", frame=48)
+    env = gymnasium.make(ID, observation="pixels", frame=40)
     observation, _ = env.reset(seed=3)
-    assert env.observation_space.shape == (48, 48, 3)
+    assert env.observation_space.shape == (40, 40, 6)
     assert env.observation_space.dtype == observation.dtype == np.uint8
     assert observation in env.observation_space
     after, *_ = env.step(np.zeros(3, np.float32))
@@ -79,13 +79,24 @@ def test_a_snapshot_brings_its_picture_back():
     lanes.restore(snapshot)
     assert np.array_equal(lanes.rows, rows)
     drawn = picture(lanes.records[1], to_record(lanes.config)[0], lanes.rows.shape[1])
-    assert np.array_equal(rows[1], drawn)
+    assert np.array_equal(rows[1, ..., :3], drawn)
+
+
+def test_the_other_picture_is_the_one_of_before():
+    lanes = lanes_of(2, "moving", observation="pixels", frame_before=0.15)
+    seen = [lanes.rows.copy()]
+    for _ in range(4):
+        seen.append(fly(lanes, 1).rows.copy())
+    assert np.array_equal(seen[4][..., 3:], seen[1][..., :3])
+    assert np.array_equal(seen[2][..., 3:], seen[0][..., :3])  # the flight is no older
+    with pytest.raises(ValueError, match=r"write `frame_before=1\.55`"):
+        lanes_of(1, observation="pixels", frame_before=2.0)
 
 
 def test_many_lanes_give_many_pictures():
     envs = gymnasium.make_vec(ID, num_envs=2, observation="pixels")
     rows, _ = envs.reset(seed=0)
-    assert rows.shape == (2, 64, 64, 3)
+    assert rows.shape == (2, 48, 48, 6)
     assert rows in envs.observation_space
     envs.close()
 

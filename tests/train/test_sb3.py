@@ -41,7 +41,7 @@ TINY = {
 @pytest.fixture(autouse=True)
 def tiny(monkeypatch):
     """Small networks, few lanes, and a validation of six episodes."""
-    monkeypatch.setattr(sb3, "preset_for", lambda env, algo: TINY[algo])
+    monkeypatch.setattr(sb3, "preset_for", lambda env, algo, pictures: TINY[algo])
     monkeypatch.setattr(sb3, "VALIDATION_SEEDS", range(90_000, 90_006))
 
 
@@ -59,7 +59,7 @@ def done(tmp_path_factory):
     """Folder of a finished run, a residual on LQ, and what it printed."""
     out = tmp_path_factory.mktemp("runs") / "deep" / "run"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sb3, "preset_for", lambda env, algo: TINY[algo])
+        patch.setattr(sb3, "preset_for", lambda env, algo, pictures: TINY[algo])
         patch.setattr(sb3, "VALIDATION_SEEDS", range(90_000, 90_006))
         assert guarded(lambda: train(options(out, residual="lq", validate_every=1000))) == 0
     return out

@@ -7,10 +7,10 @@ import pytest
 from stable_baselines3 import PPO
 
 from agents import registry
-from agents.learned import Residual
+from agents.residual import Residual
 from tests.toys import toys
 from train.shaping import potential_of
-from train.tutor import learn_from_truth, teacher_of
+from train.tutor import TEACHER, learn_from_truth, teacher_of
 from train.vec_env import LaneVecEnv
 from visenvs.core.config import override
 from visenvs.core.lanes import Lanes
@@ -69,13 +69,12 @@ def test_a_correction_makes_the_wanted_action_come_out():
     rows = lanes.reset()
     wanted = law.predict(rows)[0] + 0.1
     correction = lanes.correction(wanted)
-    assert Residual(law, 0.3).combine(rows, correction) == pytest.approx(
+    assert Residual(law, 0.3).combine(law.predict(rows)[0], correction) == pytest.approx(
         np.clip(wanted, -1, 1), abs=1e-6
     )
 
 
-def test_a_network_comes_closer_to_its_teacher(monkeypatch):
-    monkeypatch.setattr("train.tutor.BATCH", 256)
+def test_a_network_comes_closer_to_its_teacher():
     config = override(CONFIG, {"t_f": 6.0, "estimator": "truth"})
     law = registry.load_law("follow", TASK, config)
     lanes, teacher = (
@@ -95,5 +94,23 @@ def test_a_network_comes_closer_to_its_teacher(monkeypatch):
         return float(np.mean(squares))
 
     before = off()
-    assert learn_from_truth(model, lanes, teacher, rounds=5, steps=60) == 5 * 60 * 64
+    assert learn_from_truth(model, lanes, teacher, rounds=5, steps=60, batch=256) == 5 * 60 * 64
     assert off() < 0.5 * before
+
+
+def test_who_sees_pictures_learns_from_a_law_that_is_told_the_truth():
+    """Its rows are the ones of a law that flies with perfect information, whatever the lanes see."""
+    task = load_task("visenvs/Avoidance-v0")
+    told = override(task.scenarios["random"], {"estimator": "truth"})
+    seeing = override(told, {"observation": "pixels"})
+    law, lanes = Lanes(task, told, 3), Lanes(task, seeing, 3)
+    teacher, policy = teacher_of(lanes.task, seeing), registry.load_law(TEACHER, law.task, told)
+    state, start = None, np.ones(3, bool)
+    law.reset(range(3))
+    lanes.reset(range(3))
+    for _ in range(30):
+        wanted, state = policy.predict(law.rows, state, start)
+        assert teacher(lanes.records) == pytest.approx(wanted, abs=1e-6)
+        law.step(wanted)
+        lanes.step(wanted)
+        start = np.zeros(3, bool)

@@ -146,6 +146,13 @@ class Layout:
                 listed.append(columns.reshape(field.each, -1))
         return np.array(once, np.int64), np.concatenate(listed, axis=1)
 
+    def columns(self, names: Sequence[str]) -> NDArray[np.int64]:
+        """Columns of the named fields, in the order of the names."""
+        places = {
+            f.name: (start, f.size) for f, start in zip(self.fields, self._starts, strict=True)
+        }
+        return np.concatenate([places[n][0] + np.arange(places[n][1]) for n in names])
+
     def slots(self, record: np.dtype[Any]) -> NDArray[Any]:
         """Where each number of the row sits in a lane record (in 8 bytes), with its bounds."""
         out = np.zeros(self.size, SLOT)
@@ -190,23 +197,25 @@ class Layout:
 
 @dataclass(frozen=True)
 class Frames:
-    """A camera's pictures as observations, in place of rows: RGB, uint8, (side, side, 3).
+    """A camera's pictures as observations, in place of rows: RGB, uint8, (side, side, 3 shots).
 
     Attributes:
         draw: "module:function" that writes the pictures of lane records, imported when it is first
-            needed: (records, config record, out (n, side, side, 3)) -> None.
+            needed: (records, config record, out (n, side, side, 3 shots)) -> None.
         setting: of the configuration, that holds the side, pixels.
+        shots: how many pictures an observation has, the newest first.
         side: of the pictures, pixels; 0 before the configuration is known.
     """
 
     draw: str
     setting: str
+    shots: int = 1
     side: int = 0
 
     @cached_property
     def space(self) -> gym.spaces.Box:
         """The box of all pictures."""
-        return gym.spaces.Box(0, 255, (self.side, self.side, 3), np.uint8)
+        return gym.spaces.Box(0, 255, (self.side, self.side, 3 * self.shots), np.uint8)
 
     @cached_property
     def drawing(self) -> Callable[..., None]:

@@ -14,6 +14,7 @@ from visenvs.core.units import FOOT
 K = 6  # obstacles that a scene, and tracks that a row, can hold
 Six = tuple[float, float, float, float, float, float]
 CUT = 2.2  # standard deviations, where all draws of the scene are cut off
+PAST = 32  # steps that a vehicle remembers of its way
 RINGS, SPOKES = 24, 72  # grid on which a plane is searched for a way through
 
 
@@ -42,7 +43,8 @@ class AvoidanceConfig:
     )
     # what the filters believe; `told` adds the true places of the obstacles, as no camera could;
     # `cones` adds what follows from the belief for the way ahead: passages and aiming points;
-    # `pixels` is the camera's picture and nothing else, with a green beacon at the waypoint
+    # `pixels` is the camera's picture and the one of `frame_before` and nothing else, with a green
+    # beacon at the waypoint
     observation: Literal["belief", "told", "cones", "pixels"] = "belief"
     # sightings are drawn about the truth, or found in rendered pictures of red balls, which have
     # no labels: with images the z-test associates, and p_detect, p_false and sigma tell nothing of
@@ -64,6 +66,7 @@ class AvoidanceConfig:
     s_x: float = 100.0  # weight of the squared miss, 1/s^3
     s_violation: float = 100.0  # weight of the squared depth inside a sphere, 1/s^3
     s_divergence: float = 1.0  # weight of the squared distance flown too wide, 1/s^3
+    s_time: float = 0.0  # weight of the time flown, m^2/s^4; only where lateral = 0
     # what the laws are told; the task itself does not use it
     s_v: float = 0.0  # weight of the squared terminal velocity, 1/s
     t_critical: float = 5.0  # an obstacle further away in time is not critical yet, s (3.23)
@@ -77,7 +80,8 @@ class AvoidanceConfig:
     min_range: float = 0.5  # nearer (along the optical axis) there is no sighting, m
     ball: float = 0.5  # radius of what is seen over that of the safety sphere
     picture: int = 256  # side of a picture that detectors read, pixels
-    frame: int = 64  # and of one that is the observation
+    frame: int = 48  # and of one that is the observation: small, for small networks
+    frame_before: float = 0.6  # age of the other one that is: what moves tells the speed, s
     sigma_range: float = 0.0  # noise of an image point is sigma_range / depth, m
     sigma_angle: float = 0.01  # constant noise beside it; of angles: far away, rad
     fade: float = 0.0  # of angles, per metre: their noise is sigma_angle (1 - fade^range)
@@ -136,6 +140,7 @@ class AvoidanceConfig:
             s_x=self.s_x > 0,
             s_violation=self.s_violation >= 0,
             s_divergence=self.s_divergence >= 0,
+            s_time=self.s_time == 0 or (self.s_time > 0 and self.lateral == 0),
             s_v=self.s_v >= 0,
             t_critical=self.t_critical > 0,
             t_min=self.t_min >= 0,
@@ -145,6 +150,7 @@ class AvoidanceConfig:
             ball=0 < self.ball <= 1,
             picture=32 <= self.picture <= 2048,
             frame=36 <= self.frame <= 512,
+            frame_before=self.frame_before >= 0,
             sigma_range=self.sigma_range >= 0 and self.sigma_range + self.sigma_angle > 0,
             sigma_angle=self.sigma_angle >= 0,
             fade=0 <= self.fade < 1,
@@ -170,6 +176,8 @@ class AvoidanceConfig:
         require_scene(self)
         if "images" in self.perception or "pixels" in self.observation:
             require_camera(self)
+        if self.observation == "pixels":
+            require_past(self)
 
 
 def require_camera(config: AvoidanceConfig) -> None:
@@ -179,6 +187,16 @@ def require_camera(config: AvoidanceConfig) -> None:
             f"half_width={config.half_width:g}, sensor={config.sensor!r}, goal={config.goal!r}: "
             "rendered pictures are of one plane, give image points, and do not show an unknown "
             "waypoint; write `half_width=1.0, sensor='image', goal='known'`"
+        )
+
+
+def require_past(config: AvoidanceConfig) -> None:
+    """Raise a ValueError for a picture from before the vehicle remembers."""
+    if round(config.frame_before / config.dt) >= PAST:
+        most = (PAST - 1) * config.dt
+        raise ValueError(
+            f"frame_before={config.frame_before:g}: a vehicle remembers {PAST - 1} steps of its "
+            f"way; write `frame_before={most:g}`"
         )
 
 

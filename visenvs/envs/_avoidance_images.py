@@ -13,18 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visenvs.core.outcome import RUNNING
-from visenvs.envs._avoidance_config import NEAREST, TRUTH
+from visenvs.envs._avoidance_config import NEAREST, PAST, TRUTH
 from visenvs.envs._obstacles import FALSE, SIGHTINGS
 from visenvs.estimation.tracks import NOBODY
 from visenvs.sensors.images.exposure import Exposure, expose
 from visenvs.sensors.images.optics import Image, Optics
-from visenvs.sensors.images.outdoor import Sky, shared_outdoor
+from visenvs.sensors.images.outdoor import outdoor_of
 from visenvs.sensors.images.spheres import Ball, detect
 
 EXPOSURE = FALSE + 1  # noise stream, after those of `_obstacles`
-SKY = Sky()
 LENS = Exposure()
-WORLDS = 4  # grounds and skies that episodes take turns with
 LEVEL = np.eye(3)
 RED, GREEN = (200.0, 30.0, 30.0), (40.0, 190.0, 60.0)
 BEACON = 1.5  # radius of the beacon at the waypoint, m
@@ -45,23 +43,27 @@ def camera(config: Any, side: int) -> Optics:
     return Optics(side, side, 0.5 * side / float(config["half_width"]))
 
 
-def picture(lane: np.void, config: Any, side: int) -> Image:
-    """What the camera of one lane sees, RGB, (side, side, 3)."""
+def picture(lane: np.void, config: Any, side: int, back: int = 0) -> Image:
+    """What the camera of one lane sees, or saw so many steps before, RGB, (side, side, 3)."""
     optics, n = camera(config, side), int(lane["count"])
-    world = shared_outdoor(int(lane["seed"] + lane["episode"]) % WORLDS, SKY)
-    frame = world.render(optics, LEVEL, lane["r_V_N"])
-    beacon = (config["waypoint"] - lane["r_V_N"])[None]
-    world.balls(frame, optics, LEVEL, beacon, np.array([BEACON]), GREEN)
-    r, radii = lane["r_O_N"][:n] - lane["r_V_N"], config["ball"] * lane["radius"][:n]
-    world.balls(frame, optics, LEVEL, r, radii, RED)
     seed, episode, step = (int(lane[name]) for name in ("seed", "episode", "step"))
-    return expose(frame, LENS, seed, episode, EXPOSURE, step)
+    back = min(back, step)
+    own = lane["way_N"][(step - back) % PAST] if back else lane["r_V_N"]
+    others = lane["r_O_N"][:n] - back * config["dt"] * lane["v_O_N"][:n]
+    world = outdoor_of(seed, episode)
+    frame = world.render(optics, LEVEL, own)
+    beacon = (config["waypoint"] - own)[None]
+    world.balls(frame, optics, LEVEL, beacon, np.array([BEACON]), GREEN)
+    world.balls(frame, optics, LEVEL, others - own, config["ball"] * lane["radius"][:n], RED)
+    return expose(frame, LENS, seed, episode, EXPOSURE, step - back)
 
 
 def frames(lanes: NDArray[Any], config: NDArray[Any], out: NDArray[np.uint8]) -> None:
-    """Write the picture of every lane, (n, frame, frame, 3)."""
+    """Write the pictures of every lane, now and `frame_before` ago, (n, frame, frame, 6)."""
+    back = round(float(config[0]["frame_before"] / config[0]["dt"]))
     for i in range(len(lanes)):
-        out[i] = picture(lanes[i], config[0], out.shape[1])
+        for k, ago in enumerate((0, back)):
+            out[i, ..., 3 * k : 3 * k + 3] = picture(lanes[i], config[0], out.shape[1], ago)
 
 
 def look(lanes: NDArray[Any], config: NDArray[Any]) -> NDArray[Any]:

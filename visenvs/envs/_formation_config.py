@@ -12,6 +12,7 @@ from visenvs.guidance.excitation import check_segment
 
 Two = tuple[float, float]
 Three = tuple[float, float, float]
+WIDEST = 1.1  # half angle of a rendered picture, rad
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,13 @@ class FormationConfig:
     offset_drawn: Three = (10.0, 6.0, 4.0)  # half width of the draws of offset and step, m
     start_error: float = 2.0  # standard deviation of each axis of the position, m
     start_velocity_error: float = 0.5  # and of the velocity, m/s
-    # camera
+    # camera; the leader's sights are drawn about the truth, or found in rendered pictures, where it
+    # banks and turns as it flies. With images nothing is drawn of what the camera or its detector
+    # does: sigma_image is what the filter assumes, p_lose and p_regain tell nothing, `facing` and
+    # `flat` are as `points`, and where the first picture shows no leader its first sight is drawn
+    perception: Literal["points", "images"] = "points"
+    picture: int = 320  # width of a picture, pixels
+    paint: Literal["red", "white"] = "red"  # of all aircraft; white often is not registered
     view: Two = (math.radians(30.0), math.radians(22.5))  # half angles, rad
     sigma_image: float = 0.002  # noise of every image point
     wings: Literal["facing", "points", "flat", "none"] = "facing"  # wing-tip angle; see sensors
@@ -137,6 +144,7 @@ class FormationConfig:
             offset_drawn=min(self.offset_drawn) >= 0 and self.offset[0] > self.offset_drawn[0],
             start_error=self.start_error >= 0,
             start_velocity_error=self.start_velocity_error >= 0,
+            picture=64 <= self.picture <= 2048,
             view=all(0 < angle < math.pi / 2 for angle in self.view),
             sigma_image=self.sigma_image > 0,
             p_lose=0 <= self.p_lose <= 1,
@@ -167,10 +175,16 @@ class FormationConfig:
             score_from=self.score_from >= 0,
         )
         check_segment(self.sigma_image, self.meander_weight, self.meander_segment)
+        if self.perception == "images" and max(self.view) > WIDEST:
+            raise ValueError(
+                f"view={self.view}: a rendered picture is of one plane, at most {WIDEST:g} rad to "
+                "each side; write `view=(0.52, 0.39)`"
+            )
 
 
 DRAWN = code(FormationConfig, "start", "drawn")
 INERTIAL = code(FormationConfig, "offset_frame", "inertial")
+WHITE = code(FormationConfig, "paint", "white")
 V_FORMATION = code(FormationConfig, "formation", "v")
 
 # Leaders of every profile, offsets, wingspans a little off, dropouts: what ranks policies.

@@ -10,7 +10,9 @@ from the start roughly to the waypoint. Cost, in m^2/s^3, its terms summed over 
 - divergence: 1/2 s_divergence times the square of what the closest approach to a sphere that
   blocks the straight line exceeds 1 + margin radii by: flying much wider than needed;
 - miss: 1/2 s_x times the squared distance to the waypoint in its plane, or to the waypoint itself
-  if the time runs out before.
+  if the time runs out before;
+- time: s_time times the time flown. It is 0 in the papers' cases, where the forward speed is kept;
+  in `minimum-time` (future work of the thesis, 5.2.3) the vehicle may accelerate and slow down.
 
 A flight goes on inside a sphere; it ends as a collision if it has been inside by more than `margin`
 of the radius.
@@ -31,7 +33,7 @@ from visenvs.core.layout import Field, Frames, Layout
 from visenvs.core.noise import uniform
 from visenvs.core.outcome import MISS, RUNNING, SUCCESS, Outcome
 from visenvs.dynamics.point_mass import move, saturate
-from visenvs.envs._avoidance_config import SEEN, TOLD, TRUTH, AvoidanceConfig, K
+from visenvs.envs._avoidance_config import PAST, SEEN, TOLD, TRUTH, AvoidanceConfig, K
 from visenvs.envs._avoidance_row import CONE_TOO, OBSERVATION, TOLD_TOO, tell
 from visenvs.envs._avoidance_scenarios import SCENARIOS
 from visenvs.envs._obstacles import (
@@ -58,6 +60,7 @@ LANE = lane_dtype(
         ("r_V_N", "f8", (3,)),  # vehicle, known to itself
         ("v_V_N", "f8", (3,)),
         ("a_V_N", "f8", (3,)),  # applied acceleration
+        ("way_N", "f8", (PAST, 3)),  # where it was, step by step in turns
         ("count", "i8"),  # obstacles of the scene
         ("r_O_N", "f8", (K, 3)),  # obstacles, truth
         ("v_O_N", "f8", (K, 3)),
@@ -93,9 +96,11 @@ LANE = lane_dtype(
         ("cost_violation", "f8"),
         ("cost_divergence", "f8"),
         ("cost_miss", "f8"),
+        ("cost_time", "f8"),
         ("total_cost", "f8"),
         ("control_cost", "f8"),
         ("miss_distance", "f8"),
+        ("flight_time", "f8"),
         ("min_separation", "f8"),
         ("violations", "f8"),
         ("ghosts", "f8"),  # tracks of nothing, or of an obstacle that has one
@@ -167,6 +172,7 @@ def fly(lane, action, cfg, moved):
     move(moved, lane["v_V_N"], a, cfg["dt"])
     for i in range(3):
         lane["r_V_N"][i] += moved[i]
+        lane["way_N"][lane["step"] % PAST, i] = lane["r_V_N"][i]
     for i in range(lane["count"]):
         for j in range(3):
             lane["r_O_N"][i, j] += cfg["dt"] * lane["v_O_N"][i, j]
@@ -220,8 +226,10 @@ def score(lane, cfg, work):
     watch_filters(lane, cfg, work["u"])
     relative(lane, GOAL, cfg, r)
     passed = r[0] <= 1e-6 * moved[0]  # rounding must not cost a step
+    back = r[0] / moved[0] if passed else 0.0  # to the plane, along the last displacement
+    lane["flight_time"] += (1.0 + back) * cfg["dt"]
+    lane["cost_time"] = (1.0 + back) * cfg["s_time"] * cfg["dt"]
     if passed or lane["step"] >= longest(cfg):
-        back = r[0] / moved[0] if passed else 0.0  # to the plane, along the last displacement
         ahead, y, z = (0.0 if passed else r[0]), r[1] - back * moved[1], r[2] - back * moved[2]
         miss = math.sqrt(ahead * ahead + y * y + z * z)
         lane["miss_distance"] = miss
@@ -233,7 +241,7 @@ def score(lane, cfg, work):
         elif passed:
             lane["outcome"] = SUCCESS if miss <= cfg["success_radius"] else MISS
     lane["total_cost"] += lane["cost_control"] + lane["cost_violation"]
-    lane["total_cost"] += lane["cost_divergence"] + lane["cost_miss"]
+    lane["total_cost"] += lane["cost_divergence"] + lane["cost_miss"] + lane["cost_time"]
 
 
 @kernel
@@ -381,13 +389,14 @@ TASK = Task(
     lane=LANE,
     observation=OBSERVATION,
     views={"belief": OBSERVATION, "told": TOLD_TOO, "cones": CONE_TOO},
-    pictures={"pixels": Frames("visenvs.envs._avoidance_images:frames", "frame")},
+    pictures={"pixels": Frames("visenvs.envs._avoidance_images:frames", "frame", 2)},
     action=ACTION,
-    costs=("cost_control", "cost_violation", "cost_divergence", "cost_miss"),
+    costs=("cost_control", "cost_violation", "cost_divergence", "cost_miss", "cost_time"),
     metrics={
         "total_cost": "m^2/s^3",
         "control_cost": "m^2/s^3",
         "miss_distance": "m",
+        "flight_time": "s",
         "min_separation": "",
         "violations": "",
         "ghosts": "",

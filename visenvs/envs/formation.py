@@ -8,6 +8,7 @@ times a second, and a filter in the loop makes position, velocity and accelerati
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -62,25 +63,37 @@ WORK = np.dtype([
 
 @kernel
 def step_team(lanes, actions, first, count, cfg, work):
-    """One step of a team: all move, then all see where the others are now, then each looks."""
+    """One step of a team: all fly, then each looks and takes in what it saw."""
+    fly_team(lanes, actions, first, count, cfg, work)
+    for k in range(first, first + count):
+        if lanes[k]["outcome"] == RUNNING:
+            look(lanes[k], cfg, work["r"])
+            take_in(lanes[k], cfg, work)
+
+
+@kernel
+def fly_team(lanes, actions, first, count, cfg, work):
+    """All move, then all see where the others are now, and predict where their leader is."""
     for k in range(first, first + count):
         if lanes[k]["outcome"] == RUNNING:
             move(lanes[k], actions[k], cfg, work)
     for k in range(first, first + count):
         if lanes[k]["outcome"] == RUNNING:
             meet(lanes, first, count, k, cfg, work["r"])
-    for k in range(first, first + count):
-        lane = lanes[k]
-        if lane["outcome"] == RUNNING:
-            filters.predict(lane["track"], lane, cfg, work["filter"])
-            look(lane, cfg, work)
-            write_row(lane, cfg, work)
-            score(lane, cfg, work)
+            filters.predict(lanes[k]["track"], lanes[k], cfg, work["filter"])
 
 
 @kernel
 def reset_team(lanes, first, count, cfg, work):
     """Start an episode from zeroed records: place leader and followers, take a first image."""
+    place_team(lanes, first, count, cfg, work["r"])
+    for k in range(first, first + count):
+        begin(lanes[k], cfg, work)
+
+
+@kernel
+def place_team(lanes, first, count, cfg, r):
+    """Place leader and followers, and measure a first time."""
     for k in range(first, first + count):
         lane = lanes[k]
         lane["agent"] = k - first
@@ -95,11 +108,16 @@ def reset_team(lanes, first, count, cfg, work):
         tell(lane, cfg)
         lane["t_go"], lane["link"], lane["seen"] = cfg["t_f"], 1.0, 1.0
         lane["separation"] = lane["min_separation"] = math.inf
-        point(lane, work["r"])
-        measure(lane, cfg, work["r"])
-        filters.begin(lane["track"], lane, lane["sight"], cfg, work["filter"])
-        write_row(lane, cfg, work)
-        off_place(lane, work)
+        point(lane, r)
+        measure(lane, cfg, r)
+
+
+@kernel
+def begin(lane, cfg, work):
+    """Start the filter from the first sight."""
+    filters.begin(lane["track"], lane, lane["sight"], cfg, work["filter"])
+    write_row(lane, cfg, work)
+    off_place(lane, work)
 
 
 @kernel
@@ -157,21 +175,34 @@ def copy_leader(lane, other, cfg):
 
 
 @kernel
-def look(lane, cfg, work):
-    """Take an image, if there is one, and give it to the filter."""
-    seed, episode, step, r = lane["seed"], lane["episode"], lane["step"], work["r"]
-    t, dark = step * cfg["dt"], lane["blackout"]
+def look(lane, cfg, r):
+    """Take an image, if there is one, and measure the leader in it."""
+    seed, episode, step = lane["seed"], lane["episode"], lane["step"]
     lane["link"] = linked(lane["link"], cfg, seed, episode, CAMERA, step, lane["agent"])
     point(lane, r)
-    seen = lane["link"] > 0.0 and in_view(r, lane["heading"], cfg)
-    seen = seen and lane["gone"] == 0.0 and not dark[0] <= t < dark[0] + dark[1]
+    seen = lane["link"] > 0.0 and in_view(r, lane["heading"], cfg) and not dark(lane, cfg)
     lane["seen"] = 1.0 if seen else 0.0
-    lane["age"] = 0.0 if seen else lane["age"] + cfg["dt"]
-    for i in range(3):
-        lane["belief"]["innovation"][i] = 0.0
     if seen:
         measure(lane, cfg, r)
+
+
+@kernel
+def dark(lane, cfg):
+    """Whether the camera has no image now, or no leader to look at."""
+    since = lane["step"] * cfg["dt"] - lane["blackout"][0]
+    return lane["gone"] > 0.0 or 0.0 <= since < lane["blackout"][1]
+
+
+@kernel
+def take_in(lane, cfg, work):
+    """Give the filter what was seen, and score."""
+    lane["age"] = 0.0 if lane["seen"] > 0.0 else lane["age"] + cfg["dt"]
+    for i in range(3):
+        lane["belief"]["innovation"][i] = 0.0
+    if lane["seen"] > 0.0:
         filters.update(lane["track"], lane, lane["sight"], lane["belief"], cfg, work["filter"])
+    write_row(lane, cfg, work)
+    score(lane, cfg, work)
 
 
 @kernel
@@ -254,6 +285,61 @@ def step_lanes(lanes, actions, config):
         step_team(lanes, actions, i, team, config[0], work[0])
 
 
+@kernel
+def place_lanes(lanes, config):
+    """Start every team given, as far as the first picture."""
+    work, team = np.zeros(1, WORK), config[0]["followers"]
+    for i in range(0, lanes.shape[0], team):
+        place_team(lanes, i, team, config[0], work[0]["r"])
+
+
+@kernel
+def begin_lanes(lanes, config):
+    """Go on from the first picture of every lane given."""
+    work = np.zeros(1, WORK)
+    for i in range(lanes.shape[0]):
+        begin(lanes[i], config[0], work[0])
+
+
+@kernel
+def fly_lanes(lanes, actions, config):
+    """Advance every lane that is running as far as its picture, and describe the prediction."""
+    work, team = np.zeros(1, WORK), config[0]["followers"]
+    for i in range(0, lanes.shape[0], team):
+        fly_team(lanes, actions, i, team, config[0], work[0])
+    for i in range(lanes.shape[0]):
+        lane, cfg, w = lanes[i], config[0], work[0]["filter"]
+        if lane["outcome"] == RUNNING:
+            filters.describe(lane["track"], lane, lane["leader"], lane["belief"], cfg, w)
+
+
+@kernel
+def take_in_lanes(lanes, config):
+    """Go on from its picture with every lane that is running."""
+    work = np.zeros(1, WORK)
+    for i in range(lanes.shape[0]):
+        if lanes[i]["outcome"] == RUNNING:
+            take_in(lanes[i], config[0], work[0])
+
+
+def reset_seeing(lanes: Any, config: Any) -> None:
+    """Start every team given, with a look at rendered pictures."""
+    from visenvs.envs import _formation_images as images
+
+    place_lanes(lanes, config)
+    images.look(lanes, config)
+    begin_lanes(lanes, config)
+
+
+def step_seeing(lanes: Any, actions: Any, config: Any) -> None:
+    """Advance every lane that is running, with a look at rendered pictures."""
+    from visenvs.envs import _formation_images as images
+
+    fly_lanes(lanes, actions, config)
+    images.look(lanes, config)
+    take_in_lanes(lanes, config)
+
+
 def team_of(config: FormationConfig) -> int:
     """How many lanes fly together."""
     return config.followers
@@ -279,6 +365,7 @@ TASK = Task(
     },
     reset_lanes=reset_lanes,
     step_lanes=step_lanes,
+    perceptions={"images": (reset_seeing, step_seeing)},
     team=team_of,
     picture="visenvs.render.formation:draw",
     reference="follow",

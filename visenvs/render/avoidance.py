@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from visenvs.core.config import to_record
 from visenvs.core.lanes import Task
 from visenvs.core.pinhole import project
 from visenvs.envs.avoidance import AvoidanceConfig
@@ -161,11 +162,14 @@ def draw_camera(image: Image, record: np.void, config: AvoidanceConfig) -> None:
     panel = Panel(image, *CAMERA, (0.0, 0.0), CAMERA[2] / 2 / shown)
     pixels, C = image_points(record, config), np.eye(3)
     panel.clear(style.WHITE if len(pixels) else style.GRID)
+    if config.perception == "images":
+        show_picture(panel, record, config)
     for r, P, _ in tracks(record):
         if r[0] > config.min_range:
             point, spread = predicted_point(C, r, P, config.min_range)
-            panel.fill(panel.ellipse(point, spread, 3.0), style.PALE_BLUE)
-            panel.fill(panel.ellipse(point, spread, 1.0), style.MIDDLE_BLUE)
+            if config.perception == "points":
+                panel.fill(panel.ellipse(point, spread, 3.0), style.PALE_BLUE)
+                panel.fill(panel.ellipse(point, spread, 1.0), style.MIDDLE_BLUE)
             panel.reticle(point, style.BLUE, 1)
     for point, radius in obstacles(record):
         depth, y, z = project(C, point - record["r_V_N"], config.min_range)
@@ -176,6 +180,14 @@ def draw_camera(image: Image, record: np.void, config: AvoidanceConfig) -> None:
         panel.cross(pixel, style.INK)
         panel.pointer(pixel, style.INK)
     close_camera(panel, len(pixels) > 0, f"±{math.degrees(math.atan(shown)):.0f}°")
+
+
+def show_picture(panel: Panel, record: np.void, config: AvoidanceConfig) -> None:
+    """Draw the picture that the detector read."""
+    from visenvs.envs._avoidance_images import picture
+
+    half = config.half_width * np.ones(2)
+    panel.show(picture(record, to_record(config)[0], config.picture), -half, half)
 
 
 def image_points(record: np.void, config: AvoidanceConfig) -> Points:

@@ -99,6 +99,14 @@ class Panel:
         """Draw the rectangle's edge."""
         cv2.rectangle(self.view, (0, 0), (self.width - 1, self.height - 1), colour, 1)
 
+    def show(self, frame: Image, low: ArrayLike, high: ArrayLike) -> None:
+        """Draw a picture between its lower left and upper right corner, (right, up)."""
+        (left, bottom), (right, top) = np.rint(self.pixels(np.array((low, high)))).astype(int)
+        shown = cv2.resize(frame, (right - left, bottom - top), interpolation=cv2.INTER_AREA)
+        x, y = max(left, 0), max(top, 0)
+        part = self.view[y : max(bottom, 0), x : max(right, 0)]
+        part[:] = shown[y - top :, x - left :][: part.shape[0], : part.shape[1]]
+
     def fill(self, points: ArrayLike, colour: Colour) -> None:
         """Fill a polygon, points (n, 2)."""
         grid = self._grid(points)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from visenvs.core.config import to_record
 from visenvs.core.lanes import Task
 from visenvs.envs.formation import FormationConfig
 from visenvs.render import convoy, style
@@ -138,13 +139,23 @@ def draw_camera(panel: Panel, record: np.void, config: FormationConfig) -> None:
     frame = np.array([[-wide, -high], [wide, -high], [wide, high], [-wide, high]])
     panel.clear(style.GRID)
     panel.fill(frame, style.WHITE)
+    if config.perception == "images":
+        from visenvs.envs._formation_images import picture
+
+        panel.show(picture(np.array([record]), 0, to_record(config)[0]), frame[0], frame[2])
     panel.line(frame, style.FRAME, 1, closed=True)
-    if r[0] > 0.0:
+    if config.perception == "points" and r[0] > 0.0:
         tips = np.array([image_point(r - wing), image_point(r + wing)])
         panel.line(tips, style.VERMILLION, 3)
         panel.disc(image_point(r), 4.0, style.VERMILLION)
     if record["seen"]:
-        panel.reticle(image_point(turn @ record["sight"]["u_N"]), style.DARK_SAND)
+        point = image_point(turn @ record["sight"]["u_N"])
+        if config.perception == "images":
+            panel.disc(
+                point, 8.0 + 0.5 * float(record["sight"]["alpha"]) * panel.scale, style.INK, 1
+            )
+        else:
+            panel.reticle(point, style.DARK_SAND)
     else:
         where = (panel.left + panel.width / 2, panel.top + panel.height - 12)
         write(panel.image, "no image", where, 13, style.VERMILLION, "middle")

@@ -86,11 +86,17 @@ def take_sight(r, heading, leader, cfg, seed, episode, stream, step, agent, sigh
 
 
 @kernel
-def half_wing(leader):
-    """From the leader's centre to its right wing tip in N, m."""
+def banked(leader):
+    """The direction to its right (north, east), and how far it banks that way, rad."""
     v, a = leader["v_N"], leader["a_N"]
     speed = max(math.hypot(v[0], v[1]), 1e-3)
-    north, east = -v[1] / speed, v[0] / speed  # to its right
-    bank = math.atan2(a[0] * north + a[1] * east, GRAVITY)
+    north, east = -v[1] / speed, v[0] / speed
+    return north, east, math.atan2(a[0] * north + a[1] * east, GRAVITY)
+
+
+@kernel
+def half_wing(leader):
+    """From the leader's centre to its right wing tip in N, m."""
+    north, east, bank = banked(leader)
     half = 0.5 * leader["wingspan"]
     return half * math.cos(bank) * north, half * math.cos(bank) * east, half * math.sin(bank)

@@ -79,6 +79,7 @@ def draw_aircraft(
     C_BN: Values,
     colour: tuple[float, float, float] = (200.0, 60.0, 50.0),
     sun: tuple[float, float, float] = (-0.35, -0.4, -0.85),
+    span: float = SPAN,
 ) -> None:
     """Draw an aircraft on an RGB picture, in place.
 
@@ -89,8 +90,9 @@ def draw_aircraft(
         C_BN: its attitude, (3, 3).
         colour: RGB in full light.
         sun: direction to the light, N.
+        span: from wing tip to wing tip, m.
     """
-    vertices = (MESH @ C_BN + r) @ (optics.matrix @ C).T
+    vertices = (span / SPAN * MESH @ C_BN + r) @ (optics.matrix @ C).T
     depth = vertices[..., 2]
     if depth.min() <= 0.5:
         return

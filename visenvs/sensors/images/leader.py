@@ -1,10 +1,11 @@
 """Finds an aircraft in a picture: image points of its centre and wing tips.
 
-Every pixel of the search region has a distance to the colours on the region's border, in standard
-deviations (Mahalanobis): sky, haze or ground, whatever is there. What stands out is segmented, by a
-threshold or by a morphological Chan-Vese contour (scikit-image, `pip install 'visenvs[vision]'`;
-Marquez-Neila, Baumela and Alvarez 2014); the wings are the long axis of that. What does not stand
-out, such as a white aircraft before haze, is not registered.
+Every pixel of the search region has a distance to the background, which is drawn through from the
+region's border: sky, haze or ground, whatever is there (`contrast`). What stands out is segmented,
+by a threshold or by a morphological Chan-Vese contour (scikit-image, `pip install
+'visenvs[vision]'`; Marquez-Neila, Baumela and Alvarez 2014); the wings are the long axis of that.
+What does not stand out, such as a white aircraft before haze, or is cut off by the picture's edge,
+is not registered.
 """
 
 from __future__ import annotations
@@ -17,15 +18,17 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from visenvs.sensors.images.contrast import BORDER, stand_out
 from visenvs.sensors.images.optics import Image, Optics, Values
-from visenvs.sensors.images.prior import Prior, search_region
+from visenvs.sensors.images.prior import Prior, Region, search_region, whole
 
 Segmenter = Literal["threshold", "chan_vese"]
 MARGIN = 10.0  # around what is expected, pixels
-BORDER = 3  # of a region, pixels
 LEAST = 6  # pixels
-NOISE = 9.0  # added to the variances of the border's colours, grey levels squared
-STANDS_OUT, SHARE = 4.0, 0.3  # standard deviations; of the highest distances
+FOUND = 5.5  # standard deviations of the highest distances: less is no aircraft
+STANDS_OUT, SHARE = 4.0, 0.3  # of an area, standard deviations, and of the highest distances
+THIN = 0.15  # variance across the wings over that along them: more is no aircraft
+WIDER = 1.5  # a span this much wider or narrower than expected is another thing's
 ITERATIONS = 20  # of the contour
 END = 2.5  # length of a wing whose offset from the axis gives the tip's, pixels
 CLOSE = np.ones((5, 5), np.uint8)  # fragments that touch when grown by this are one
@@ -60,13 +63,16 @@ def detect(
     Args:
         image: RGB, (height, width, 3).
         optics: the camera.
-        prior: predicted centre, its deviation, and half the span; None to search everywhere.
+        prior: predicted centre, its deviation, and half the span; None to search everywhere, and
+            infinite deviations to search everywhere for a span like this.
         segmenter: "threshold" or "chan_vese".
     """
     if segmenter not in ("threshold", "chan_vese"):
         raise ValueError(f'unknown segmenter {segmenter!r}; write "threshold" or "chan_vese"')
-    if prior is None:
-        rough = _detect(image, optics, None, "threshold")
+    if prior is not None and not all(map(math.isfinite, (*prior.point, prior.size))):
+        prior = None
+    if search_region(optics, prior, MARGIN) == whole(optics):
+        rough = _detect(image, optics, prior, "threshold")
         if rough is None:
             return None
         half = 0.5 * math.hypot(*np.subtract(rough.right, rough.left))
@@ -85,8 +91,9 @@ def _detect(
     part = image[region.top : region.bottom, region.left : region.right]
     distance = stand_out(part)
     span = 2.0 * optics.focal * prior.size if prior is not None else 20.0
-    peak = float(np.partition(distance, -int(span) - 1, axis=None)[-int(span) - 1])
-    if peak < STANDS_OUT:
+    k = distance.size - 1 - min(int(span), distance.size - 1)
+    peak = float(np.partition(distance, k, axis=None)[k])
+    if peak < FOUND:
         return None
     middle = np.array(part.shape[1::-1]) / 2.0
     reach = math.inf
@@ -96,10 +103,10 @@ def _detect(
         reach = 0.5 * span + 3.0 * deviation + MARGIN
     mask = _segment(distance, peak, segmenter)
     chosen = _choose(mask, middle, reach)
-    if chosen is None:
+    if chosen is None or _cut(chosen, region, optics):
         return None
     found = _measure(distance, chosen, peak)
-    if found is None:
+    if found is None or not _as_wide(found, span if prior is not None else None):
         return None
     corner = (region.left, region.top)
     points = [optics.points(pixel + corner) for pixel in found]
@@ -107,18 +114,18 @@ def _detect(
     return LeaderView(centre, left, right)
 
 
-def stand_out(part: Image) -> NDArray[np.float32]:
-    """Distance of every pixel to the colours on the border, standard deviations."""
-    edges = (part[:BORDER], part[-BORDER:], part[:, :BORDER], part[:, -BORDER:])
-    border = np.concatenate([edge.reshape(-1, 3) for edge in edges]).astype(np.float32)
-    middle = np.median(border, axis=0)
-    off = border - middle
-    far = np.abs(off).sum(axis=1)
-    kept = off[far <= np.quantile(far, 0.9)]
-    covariance = kept.T @ kept / len(kept) + NOISE * np.eye(3)
-    root = np.linalg.inv(np.linalg.cholesky(covariance)).astype(np.float32)
-    white = (part.reshape(-1, 3) - middle) @ root.T
-    return np.sqrt(np.einsum("ij,ij->i", white, white)).reshape(part.shape[:2])
+def _as_wide(found: tuple[Values, Values, Values], span: float | None) -> bool:
+    """Whether wing tips are about as far apart as expected, pixels."""
+    wide = math.hypot(*(found[2] - found[1]))
+    return span is None or 1.0 / WIDER < wide / span < WIDER
+
+
+def _cut(chosen: NDArray[np.bool_], region: Region, optics: Optics) -> bool:
+    """Whether an area of a region touches the edge of the picture."""
+    cut = region.left == 0 and chosen[:, 0].any()
+    cut = cut or (region.top == 0 and chosen[0].any())
+    cut = cut or (region.right == optics.width and chosen[:, -1].any())
+    return bool(cut or (region.bottom == optics.height and chosen[-1].any()))
 
 
 def _segment(distance: NDArray[np.float32], peak: float, segmenter: Segmenter) -> Image:
@@ -141,14 +148,13 @@ def _segment(distance: NDArray[np.float32], peak: float, segmenter: Segmenter) -
 
 def _choose(mask: Image, middle: Values, reach: float) -> NDArray[np.bool_] | None:
     """The area that is large and near the prediction, with its fragments; None for none."""
-    _, labels, stats, centroids = cv2.connectedComponentsWithStats(cv2.dilate(mask, CLOSE))
-    best, most = 0, 0.0
-    for k in range(1, len(stats)):
-        area = int(mask[labels == k].sum())
-        off = float(np.hypot(*(centroids[k] - middle))) / reach
-        if area >= LEAST and area * math.exp(-off * off) > most:
-            best, most = k, area * math.exp(-off * off)
-    return (labels == best) & (mask > 0) if best else None
+    _, labels, _, centroids = cv2.connectedComponentsWithStats(cv2.dilate(mask, CLOSE))
+    areas = np.bincount(labels.ravel(), mask.ravel())
+    off = np.hypot(*(centroids - middle).T) / reach
+    worth = np.where(areas >= LEAST, areas * np.exp(-off * off), 0.0)
+    worth[0] = 0.0  # what is in no area
+    best = int(np.argmax(worth))
+    return (labels == best) & (mask > 0) if worth[best] > 0.0 else None
 
 
 def _measure(
@@ -163,7 +169,10 @@ def _measure(
     centre = weight @ places / weight.sum()
     off = places - centre
     spread = (off * (weight * solid)[:, None]).T @ off
-    axis = np.linalg.eigh(spread)[1][:, 1]
+    (thick, long), axes = np.linalg.eigh(spread)
+    if thick > THIN * long:
+        return None
+    axis = axes[:, 1]
     axis = axis if axis[0] >= 0.0 else -axis
     along, across = off @ axis, off @ np.array([-axis[1], axis[0]])
     ends = [_end(sign * along, weight) for sign in (-1.0, 1.0)]

@@ -20,6 +20,7 @@ from visenvs.sensors.images.textures import packed, periodic
 
 SIZE, LEVELS = 1024, 6
 GROUND_STREAM, CLOUD_STREAM = 0, 1
+WORLDS = 4  # grounds and skies that episodes take turns with
 LOWEST = 1.0  # distance of the camera from ground and clouds, m
 SAMPLES = 3  # rays a pixel of a ball's edge, each way
 COLOURS = np.dtype([(name, "f8", (3,)) for name in ("low", "high", "sky", "cloud", "haze")])
@@ -116,21 +117,24 @@ def shared_outdoor(seed: int, sky: Sky) -> Outdoor:
     return Outdoor(seed, sky)
 
 
+def outdoor_of(seed: int, episode: int) -> Outdoor:
+    """The ground and clouds that an episode flies between."""
+    return shared_outdoor((seed + episode) % WORLDS, Sky())
+
+
 @kernel
 def texel(texture, north, east, footprint):
     """The texture's value at a place (texels) from the copy that suits the footprint (texels)."""
-    start, side = 0, SIZE
+    start, side, scale = 0, SIZE, 1.0
     for _ in range(LEVELS - 1):
-        if footprint < 1.5:
+        if footprint * scale < 1.5:
             break
         start += side * side
         side //= 2
-        footprint *= 0.5
-        north *= 0.5
-        east *= 0.5
-    row = math.floor(north) & (side - 1)
-    column = math.floor(east) & (side - 1)
-    return texture[start + row * side + column] / 255.0
+        scale *= 0.5
+    row = math.floor(north * scale) & (side - 1)
+    column = math.floor(east * scale) & (side - 1)
+    return texture[start + row * side + column] * (1.0 / 255.0)
 
 
 @kernel
@@ -151,20 +155,23 @@ def paint_background(frame, C, r_V, heights, ground, clouds, texels, visibility,
     focal, cx, cy = lens
     low, high, haze = colours["low"], colours["high"], colours["haze"]
     sky, cloud = colours["sky"], colours["cloud"]
+    # products rather than quotients: they cost half of the picture
+    pixel, over_ground, over_clouds = 1.0 / focal, 1.0 / texels[0], 1.0 / texels[1]
+    near, far = 1.0 / visibility, 0.25 / visibility
     for v in range(frame.shape[0]):
-        z = (v - cy) / focal
+        z = (v - cy) * pixel
         for u in range(frame.shape[1]):
-            y = (u - cx) / focal
+            y = (u - cx) * pixel
             north = C[0, 0] + y * C[1, 0] + z * C[2, 0]
             east = C[0, 1] + y * C[1, 1] + z * C[2, 1]
             down = C[0, 2] + y * C[1, 2] + z * C[2, 2]
             below = down > 0.0
             away = max(abs(down), 1e-4)
             t = (heights[0] if below else heights[1]) / away
-            size = texels[0] if below else texels[1]
-            footprint = t / (focal * size)
-            at_north, at_east = (r_V[0] + t * north) / size, (r_V[1] + t * east) / size
-            d = t / visibility if below else 0.25 * t / visibility
+            over = over_ground if below else over_clouds
+            footprint = t * pixel * over
+            at_north, at_east = (r_V[0] + t * north) * over, (r_V[1] + t * east) * over
+            d = t * (near if below else far)
             clear = 1.0 / (1.0 + d + 0.5 * d * d)
             if below:
                 w = texel(ground, at_north, at_east, footprint)

@@ -5,7 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from visenvs.sensors.images.optics import Optics
+import numpy as np
+
+from visenvs.core.pinhole import jacobian, project
+from visenvs.sensors.images.optics import Optics, Values
 
 GATE = 3.0  # standard deviations that a search region reaches
 WHOLE = 0.5  # a region of more than this part of the picture is the whole picture
@@ -44,6 +47,23 @@ class Prior:
     point: tuple[float, float]
     deviation: tuple[float, float]
     size: float
+
+
+def predicted(C: Values, r: Values, P: Values, half: float, nearest: float) -> Prior:
+    """Where an estimate says that something will be seen.
+
+    Args:
+        C: attitude C_CN of the camera, (3, 3).
+        r: estimated position relative to it in N, m, (3,).
+        P: covariance of that, m^2, (3, 3).
+        half: half of what it measures, m.
+        nearest: a depth below this counts as this, m.
+    """
+    H = np.zeros((2, 3))
+    X, y, z = project(C, r, nearest)
+    jacobian(C, X, y, z, H)
+    across, down = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", H, P, H), 0.0))
+    return Prior((y, z), (float(across), float(down)), half / X)
 
 
 def whole(optics: Optics) -> Region:

@@ -1,0 +1,73 @@
+"""Policies that see pictures: trained in the same command, loaded as plainly as the others."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from agents.learned import load_network
+from agents.registry import load
+from train import sb3
+from train.presets import PICTURES, PRESETS, preset_for
+from visenvs.core.config import override
+from visenvs.core.lanes import Lanes
+from visenvs.core.registry import load_task
+
+ID = "visenvs/Avoidance-v0"
+TASK = load_task(ID)
+CONFIG = TASK.scenarios["random"]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """One round of tutoring and one of PPO, a few hundred pictures each."""
+    out = tmp_path_factory.mktemp("pixels")
+    preset = preset_for(ID, "ppo", pictures=True)
+    short = {"n_steps": 10, "batch_size": 20, "n_epochs": 1}
+    preset = replace(
+        preset,
+        lanes=4,
+        validation=2,
+        model=preset.model | short,
+        tutoring=(10, 20, 2),
+        settings=preset.settings | {"dt": 0.5},
+    )
+    sb3.train(
+        sb3.Options(out=out, env=ID, observation="pixels", steps=160, tutor=3, seed=1), preset
+    )
+    return out
+
+
+def test_the_card_says_what_it_sees_and_how_it_learnt(folder):
+    card = json.loads((folder / "card.json").read_text())
+    assert (card["information"], card["policy"]["pictures"]) == ("pixels", 64)
+    assert [point[0] for point in card["curve"]][0] == 0
+    assert (folder / "model.zip").stat().st_size < 1e6
+
+
+def test_it_flies_as_its_network_says_and_trusts_nobody(folder):
+    entry = load(str(folder), TASK, CONFIG)
+    assert (entry.information, entry.config.observation) == ("pixels", "pixels")
+    lanes = Lanes(TASK, entry.config, 2)
+    lanes.reset([5, 6])
+    actions, state = entry.policy.predict(lanes.rows)
+    again, _ = load_network(folder / "model.zip", lanes.task, trust=True).predict(lanes.rows)
+    assert state is None
+    assert np.array_equal(actions, np.clip(again, -1.0, 1.0))
+    lanes.step(actions)
+
+
+def test_pictures_of_another_size_are_refused(folder):
+    other = TASK.under(override(CONFIG, {"observation": "pixels", "frame": 64}))
+    with pytest.raises(
+        ValueError, match=r"make no network|pictures \(48, 48, 6\), .* \(64, 64, 6\)"
+    ):
+        load_network(folder / "model.zip", other)
+    with pytest.raises(ValueError, match="train with `python -m train.sb3"):
+        load_network(folder / "model.zip", TASK)
+
+
+def test_presets_of_pictures_and_of_rows_differ():
+    assert preset_for(ID, "ppo", pictures=True) is PICTURES[ID, "ppo"]
+    assert preset_for(ID, "ppo") is PRESETS[ID, "ppo"]
