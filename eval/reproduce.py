@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import tyro
 from rich.console import Console
@@ -35,7 +35,7 @@ class Options(Workers):
     images: bool = False
     """add the rows of cases that are also flown on rendered pictures"""
     json: Path | None = None
-    """where to write the rows"""
+    """where to write the rows, after each case that is done"""
     plots: Path | None = None
     """folder for the pictures of the cases that have one"""
 
@@ -60,16 +60,21 @@ def main(options: Options) -> None:
     screen = Console(stderr=True)
     for index, (rows, picture) in track(done, "flying", len(calls), transient=True, console=screen):
         found[index] = rows
+        if options.json is not None:
+            keep(options.json, found, meta(PROGRAM, seeds))
         if picture is not None:
             print(f"written: {picture}")
     rows = [row for index in range(len(calls)) for row in found[index]]
     tables.screen().print(table(rows))
-    if options.json is not None:
-        content = [{**asdict(row), "ok": row.ok} for row in rows]
-        write_json(options.json, {"rows": content, "meta": meta(PROGRAM, seeds)})
     outside = [row.id for row in rows if row.ok is False]
     if outside:
         raise ValueError(f"outside the accepted band: {', '.join(outside)}")
+
+
+def keep(path: Path, found: dict[int, list[Row]], made: dict[str, Any]) -> None:
+    """Write the rows of the cases that are done; a run that is broken off leaves those."""
+    rows = [row for _, some in sorted(found.items()) for row in some]
+    write_json(path, {"rows": [{**asdict(row), "ok": row.ok} for row in rows], "meta": made})
 
 
 def fly(
