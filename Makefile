@@ -8,7 +8,7 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help install leaderboard test check format coverage docs wheel clean
+.PHONY: help install leaderboard test check format coverage docs films wheel audit floors clean
 
 help: ## show this list
 	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 14
@@ -39,6 +39,7 @@ coverage: $(INSTALLED) ## which lines the tests reach, kernels included
 	$(BIN)/coverage run -m pytest
 	NUMBA_DISABLE_JIT=1 $(BIN)/coverage run --append -m pytest -m kernel
 	$(BIN)/coverage report
+	$(BIN)/coverage report --include='visenvs/*' --format=total --fail-under=90
 
 docs: $(INSTALLED) ## build the documents into build/docs, tutorials executed, warnings as errors
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
@@ -50,6 +51,19 @@ wheel: $(INSTALLED) ## build sdist and wheel into dist, fly every id from the wh
 	rm -rf dist
 	$(BIN)/python -m build --outdir dist
 	$(BIN)/python -m pytest -m wheel
+
+films: $(INSTALLED) ## fly the moving pictures of the documents anew
+	$(BIN)/python -m eval.gallery
+
+audit: $(INSTALLED) ## look the pinned packages up in the database of known vulnerabilities
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check pip-audit
+	$(BIN)/pip-audit --disable-pip --no-deps --strict --progress-spinner off -r constraints.txt
+
+floors: ## install the oldest versions that pyproject.toml allows, fly every id
+	rm -rf build/floors && $(PYTHON) -m venv build/floors
+	$(PYTHON) tests/floors.py > build/floors.txt
+	build/floors/bin/python -m pip install --quiet --disable-pip-version-check -c build/floors.txt .
+	build/floors/bin/python tests/floors.py fly
 
 clean: ## remove .venv and everything else that the targets made
 	rm -rf $(VENV) build dist .coverage .hypothesis .import_linter_cache .pytest_cache .ruff_cache

@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 from visenvs.core.lanes import Task
 from visenvs.core.layout import Choices, Layout
 
-from .policy import Actions, Policy, Rows, State
+from .policy import Actions, Rows, State
+from .residual import Residual
 
 # The layer that reads the observation tells the algorithm; recurrent PPO also has plain PPO's.
 # Maskable PPO's network is plain PPO's: that actions are choices tells.
@@ -33,31 +34,12 @@ FIRST_LAYER = {
     "ppo": "mlp_extractor.policy_net.0.weight",
 }
 PICTURES = "features_extractor.full.0.weight"  # our own, see `pictures.py`
+LINEAR = "action_net.weight"  # the layer that reads where PPO's network has no hidden one
 SETS = "features_extractor.encoder."  # our own, see `sets.py`
 CHOOSING = "action_net.apiece.weight"  # our own, see `choosing.py`
 CARD = ("information", "algo", "residual", "steps")  # what is read of it besides its sha256
-RESIDUAL = {"law", "scale"}
+RESIDUAL = {"law", "scale"}  # and "reads" where the network is told the law's command
 ACTIVATIONS = ("Tanh", "ReLU", "ELU", "LeakyReLU", "SiLU", "GELU")
-
-
-class Residual:
-    """A learned correction on top of a law: action = clip(law + scale x correction)."""
-
-    def __init__(self, law: Policy, scale: float) -> None:
-        if not 0.0 < scale <= 1.0:
-            raise ValueError(f"the scale of a residual must lie in (0, 1], got {scale}")
-        self._law = law
-        self._scale = np.float32(scale)
-
-    def combine(self, observation: Rows, correction: Rows) -> Rows:
-        """Actions (n, size) from rows and corrections in [-1, 1]; law memory is not used."""
-        action, _ = self._law.predict(observation)
-        return np.clip(action + self._scale * correction, -1.0, 1.0).astype(np.float32, copy=False)
-
-    def missing(self, observation: Rows, wanted: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The corrections that make `combine` give the wanted actions, (n, size), not clipped."""
-        action, _ = self._law.predict(observation)
-        return (wanted - action) / self._scale
 
 
 class LearnedPolicy:
@@ -77,16 +59,21 @@ class LearnedPolicy:
         deterministic: bool = True,
     ) -> tuple[Actions, State | None]:
         """Actions of the network, plus the law's where it is a residual."""
-        choices, told = self._task.action, (observation, state, episode_start, deterministic)
+        choices = self._task.action
         if isinstance(choices, Choices):
             allowed = choices.allowed(observation, self._task.observation)
+            told = observation, state, episode_start, deterministic
             return self._network.predict(*told, action_masks=allowed)
-        if self._plain and deterministic:
-            action = np.clip(_mean(self._network, observation), -1.0, 1.0)
-        else:
-            action, state = self._network.predict(*told)
+        seen, command = observation, None
         if self._residual is not None:
-            action = self._residual.combine(observation, action)
+            command = self._residual.command(observation)
+            seen = self._residual.seen(observation, command)
+        if self._plain and deterministic:
+            action = np.clip(_mean(self._network, seen), -1.0, 1.0)
+        else:
+            action, state = self._network.predict(seen, state, episode_start, deterministic)
+        if self._residual is not None and command is not None:
+            action = self._residual.combine(command, action)
         return np.clip(action, -1.0, 1.0), state
 
 
@@ -148,9 +135,14 @@ def read_card(model: Path) -> dict[str, Any]:
             f"{path} does not say {', '.join(lacking)}; expected what `python -m train.sb3` writes"
         )
     residual = card["residual"]
-    if residual is not None and not (isinstance(residual, dict) and set(residual) == RESIDUAL):
+    if residual is not None and not (
+        isinstance(residual, dict)
+        and set(residual) in (RESIDUAL, RESIDUAL | {"reads"})
+        and isinstance(residual.get("reads", []), list)
+    ):
         raise ValueError(
-            f'{path}: residual must be null or {{"law": NAME, "scale": NUMBER}}, got {residual!r}'
+            f'{path}: residual must be null or {{"law": NAME, "scale": NUMBER}}, and may have '
+            f'"reads": [FIELD, ...], got {residual!r}'
         )
     return card
 
@@ -236,6 +228,8 @@ def _algorithm(path: Path, weights: dict[str, Any]) -> str:
     for algo, layer in FIRST_LAYER.items():
         if layer in weights:
             return algo
+    if LINEAR in weights:
+        return "ppo"
     raise ValueError(f"{path}: the weights are not of a PPO, RecurrentPPO, SAC or TD3 policy")
 
 
@@ -305,7 +299,8 @@ def _rebuild(arch: Architecture, weights: dict[str, Any], task: Task, path: Path
     policy_class = _algorithm_class(algo).policy_aliases[
         "MlpLstmPolicy" if arch.lstm else "MlpPolicy"
     ]
-    size = int(weights[FIRST_LAYER[arch.algo]].shape[1])
+    layer = FIRST_LAYER[arch.algo]
+    size = int(weights[layer if layer in weights else LINEAR].shape[1])
     if arch.pictures:
         kwargs |= picture_network(arch.pictures)
     elif arch.sets and any(field.each > 1 for field in task.observation.fields):

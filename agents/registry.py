@@ -7,13 +7,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from visenvs.core.config import Config, nearest, override, pick
 from visenvs.core.lanes import Task
 from visenvs.core.registry import find_law, laws
 
 from .classical import LawPolicy, RandomPolicy, ZeroPolicy, lacking
-from .learned import LearnedPolicy, Residual, load_network, read_card
+from .learned import LearnedPolicy, load_network, read_card
 from .policy import NotApplicable, Policy
+from .residual import Reading, Residual
 
 PRETRAINED = Path(__file__).resolve().parent / "pretrained"
 BLIND = {
@@ -44,9 +47,9 @@ class Entry:
     config: Config
 
 
-def names(task: Task) -> tuple[str, ...]:
-    """The policies that the leaderboard of an environment shows by default: those that can fly."""
-    config = next(iter(task.scenarios.values()))
+def names(task: Task, config: Config | None = None) -> tuple[str, ...]:
+    """The policies that the leaderboard shows by default: those that can fly; default scenario."""
+    config = config or next(iter(task.scenarios.values()))
     able = (name for name, law in laws().items() if not lacking(law, task, config))
     return (*BLIND, *able, *shipped(task.id))
 
@@ -87,7 +90,7 @@ def load(spec: str, task: Task, config: Config, trust: bool = False) -> Entry:
     if ":" in spec:
         policy = _made(spec, task, config)
         return Entry(spec, policy, _information(config), "custom", "user's own", config)
-    known = names(task)
+    known = names(task, config)
     raise ValueError(
         f"unknown policy {spec!r}{nearest(spec, known)} Known: {', '.join(known)}; "
         "or the path of an SB3 .zip, or module:factory"
@@ -106,11 +109,18 @@ def _load_model(name: str, model: Path, task: Task, config: Config, trust: bool)
     if card and card["information"] != _information(config):
         config = override(config, {"observation": card["information"]})
         task = task.under(config)
-    network, residual, kind = load_network(model, task, trust), None, "learned"
+    residual, kind, known = None, "learned", task
     if card.get("residual"):
-        law = load_law(card["residual"]["law"], task, config)
-        residual, kind = Residual(law, card["residual"]["scale"]), "residual"
-    policy = LearnedPolicy(network, task, residual)
+        told, size = card["residual"], task.action.size
+        if np.size(told["scale"]) not in (1, size):
+            raise ValueError(
+                f"{model.with_name('card.json')}: the scale of a residual on {task.id} "
+                f"is one number or {size}, got {told['scale']!r}"
+            )
+        reading = Reading(task, told["reads"]) if "reads" in told else None
+        residual = Residual(load_law(told["law"], task, config), told["scale"], reading)
+        kind, known = "residual", task if reading is None else reading.task
+    policy = LearnedPolicy(load_network(model, known, trust), task, residual)
     return Entry(name, policy, _information(config), kind, _summary(card), config)
 
 

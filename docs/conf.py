@@ -27,6 +27,6 @@ suppress_warnings = ["misc.highlighting_failure"]
 
 nb_execution_mode = "cache"
 nb_execution_cache_path = str(ROOT / "build" / "notebooks")
-nb_execution_timeout = 300
+nb_execution_timeout = 1200  # of a cell; kernels compile in the first build
 nb_execution_raise_on_error = True
 nb_merge_streams = True

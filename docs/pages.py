@@ -27,6 +27,17 @@ DOCS = Path(__file__).resolve().parent
 OUT = DOCS / "generated"
 REPRODUCTION = DOCS / "reproduction.json"
 ESTIMATION = DOCS.parent / "visenvs" / "estimation"
+CASES = {  # of `eval.reproduce`, where a published figure can be compared with ours
+    "Rendezvous-v0": ("rendezvous", "lq-gains"),
+    "Tracking2D-v0": ("table2", "table3", "table4", "table5", "fig44", "fig47", "fig50"),
+    "Avoidance-v0": (
+        *("fig25", "fig27", "fig30", "fig34"),
+        *("iisc-2", "iisc-3", "iisc-4", "iisc-5", "iisc-sigma"),
+    ),
+    "Formation-v0": ("fig7", "fig8", "fig10", "fig11", "gtmax", "gtyak", "string", "leader", "ukf"),
+    "Mapping-v0": ("fig15", "fig16", "fig18", "fig19"),
+    "Herding-v0": ("iarc-fig3", "iarc-fig5", "iarc-fig7", "ddp"),
+}
 
 
 def setup(app: Any) -> dict[str, Any]:
@@ -90,6 +101,7 @@ def environment(task: Task, module: str) -> str:
         )
         + ".",
         f"The leaderboard compares with `{task.reference}`.",
+        published(slug(task.id)),
         "## Scenarios",
         scenarios(task),
         "## Settings",
@@ -100,12 +112,10 @@ def environment(task: Task, module: str) -> str:
 
 
 def picture(task: Task) -> str:
-    """A picture of a flight, if the documents have one."""
+    """A moving picture of a flight, if the documents have one."""
     stem = task.picture.partition(":")[0].rpartition(".")[2].replace("_", "-")
-    for name in (f"{stem}.gif", f"{stem}.png"):
-        if (DOCS / name).exists():
-            return f"![A flight](../../{name})"
-    return ""
+    name = f"{stem}.webp"  # of `eval.gallery`
+    return f"![A flight](../../{name})" if (DOCS / name).exists() else ""
 
 
 def observations(task: Task) -> Iterator[tuple[str, Any]]:
@@ -209,30 +219,57 @@ def code_list(names: tuple[str, ...]) -> str:
     return ", ".join(f"`{name}`" for name in names) or "none"
 
 
+def published(environment: str) -> str:
+    """The published figures of one environment beside ours; empty where there are none."""
+    chosen = [row for row in recorded()["rows"] if row["id"].split("/")[0] in of(environment)]
+    if not chosen:
+        return ""
+    what = "The papers' figures beside ours, SI unless a name ends in another unit"
+    return f"## Published and ours\n\n{what} ([all](../reproduction.md)).\n\n{figures(chosen)}"
+
+
+def of(environment: str) -> tuple[str, ...]:
+    """The cases of an environment."""
+    return CASES.get(environment, ())
+
+
+def recorded() -> dict[str, Any]:
+    """The last recorded run of `eval.reproduce`."""
+    if not REPRODUCTION.exists():
+        return {"rows": [], "meta": {}}
+    return json.loads(REPRODUCTION.read_text(encoding="utf-8"))
+
+
 def reproduction_page() -> str:
     """Paper against ours, from the last recorded run of `eval.reproduce`."""
+    found = recorded()
+    made = found["meta"]
     lines = [
         "# Reproduction",
-        "What `python -m eval.reproduce --json docs/reproduction.json` printed last.",
+        "Paper against ours. An empty verdict is a figure that is only reported.",
+        f"`{made.get('command')}`, commit `{made.get('commit')}`, {made.get('date')}.",
+        figures(found["rows"]),
     ]
-    if REPRODUCTION.exists():
-        found = json.loads(REPRODUCTION.read_text(encoding="utf-8"))
-        lines.append(f"Commit `{found['meta'].get('commit')}`, {found['meta'].get('date')}.")
-        table = [
-            "| row | paper | ours | standard error | runs | accepted | |",
-            "|---|---:|---:|---:|---:|---|---|",
-        ]
-        for row in found["rows"]:
-            band = (
-                ""
-                if row["low"] is None and row["high"] is None
-                else f"{number(row['low'])} to {number(row['high'])}"
-            )
-            verdict = {True: "ok", False: "off", None: ""}[row["ok"]]
-            cells = [number(row[key]) for key in ("paper", "ours", "se", "n")]
-            table.append(f"| `{row['id']}` | {' | '.join(cells)} | {band} | {verdict} |")
-        lines.append("\n".join(table))
     return "\n\n".join(lines) + "\n"
+
+
+def figures(rows: list[dict[str, Any]]) -> str:
+    """A table of rows of `eval.reproduce`."""
+    lines = [
+        "| row | paper | ours | standard error | runs | accepted | |",
+        "|---|---:|---:|---:|---:|---|---|",
+    ]
+    for row in rows:
+        band = "" if row["ok"] is None else f"{end(row['low'], '-∞')} to {end(row['high'], '∞')}"
+        verdict = {True: "ok", False: "off", None: ""}[row["ok"]]
+        cells = [number(row[key]) for key in ("paper", "ours", "se", "n")]
+        lines.append(f"| `{row['id']}` | {' | '.join(cells)} | {band} | {verdict} |")
+    return "\n".join(lines)
+
+
+def end(value: Any, open_end: str) -> str:
+    """One end of a band."""
+    return open_end if value is None else number(value)
 
 
 def number(value: Any) -> str:

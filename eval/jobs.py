@@ -112,7 +112,9 @@ def plan_scene(
         config = override(config, {"estimator": estimator})
     if perception is not None:
         config = override(config, {"perception": perception})
-    specs = dict.fromkeys([*(registry.names(task) if policies is None else policies), reference])
+    specs = dict.fromkeys(
+        [*(registry.names(task, config) if policies is None else policies), reference]
+    )
     jobs = [_job(task, scenario, config, spec, trust) for spec in specs]
     if estimator is None and perception is None and _can_be_told_truth(config):
         told = override(config, {"estimator": TRUTH})

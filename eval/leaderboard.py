@@ -18,7 +18,7 @@ from visenvs.core.files import check_writable, write_json, write_text
 from visenvs.core.parallel import Workers, check
 from visenvs.core.registry import environment_files
 
-from . import page, results, tables
+from . import clips, page, results, tables
 from .board import Board, Row, make_board, missing_row, result_row
 from .jobs import Job, Scene, fly, plan_scene
 from .rollout import public_seeds, shards
@@ -51,6 +51,9 @@ class Options(Workers):
     """Write the rows here."""
     html: Path | None = None
     """Write a page with the table and plots here: one file that needs no network."""
+    clips: bool = False
+    """Put flights into the page, of the best policy and of the reference: their median and their
+    worst episode. That makes it about 1 MB larger for each environment."""
     summary: Path | None = None
     """The same for <!-- summary --> with the best law and network of each environment."""
     markdown: Path | None = None
@@ -156,6 +159,8 @@ def _split(policies: str) -> list[str]:
 
 def _check_outputs(options: Options) -> None:
     """Fail on outputs that cannot be written before the long work starts."""
+    if options.clips and options.html is None:
+        raise ValueError("--clips are part of a page; write --html page.html too")
     results.RESULTS.mkdir(parents=True, exist_ok=True)
     for path in (results.RESULTS / "trial.json", *_outputs(options)):
         if path is not None:
@@ -174,7 +179,8 @@ def _write(options: Options, boards: Sequence[Board], made: dict[str, Any]) -> l
         rows = [row for board in boards for row in board.rows]
         write_json(options.json, {"rows": rows, "meta": made})
     if options.html is not None:
-        write_text(options.html, page.render(boards, made))
+        films = clips.clips(boards, options.trust) if options.clips else ()
+        write_text(options.html, page.render(boards, made, films))
     if options.markdown is not None:
         block = "\n\n".join(tables.markdown(board, made) for board in boards)
         results.replace_block(options.markdown, BLOCK, block)

@@ -10,6 +10,7 @@ from typing import Any
 import jinja2
 
 from .board import TRUTH, Board, Row, is_reference
+from .clips import Clip
 from .columns import Column, columns_of, figure, interval, pretty, share, verdict
 from .metrics import COST
 from .plots import LogAxis, cloud_path, log_axis, spread, step_path
@@ -22,18 +23,22 @@ Line = tuple[Row, Result]
 Styles = dict[str, str]  # policy -> class in the template
 
 
-def render(boards: Sequence[Board], made: dict[str, Any]) -> str:
+def render(
+    boards: Sequence[Board], made: dict[str, Any], clips: Sequence[Sequence[Clip]] = ()
+) -> str:
     """The whole page.
 
     Args:
         boards: one for each scenario.
         made: versions, commit, seeds, date and command, from `results.meta`.
+        clips: for each board the flights to show, from `clips.clips`; none if left out.
     """
     environment = jinja2.Environment(
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     template = environment.from_string(TEMPLATE.read_text(encoding="utf-8"))
-    sections = [_section(board) for board in boards]
+    shown = clips or [()] * len(boards)
+    sections = [_section(*pair) for pair in zip(boards, shown, strict=True)]
     words = {column.title: column.help for board in boards for column in columns_of(board)}
     kinds = {
         name: sorted({row[name] for section in sections for row in section["rows"]} - {""})
@@ -42,7 +47,7 @@ def render(boards: Sequence[Board], made: dict[str, Any]) -> str:
     return template.render(sections=sections, words=words, made=made, kinds=kinds)
 
 
-def _section(board: Board) -> dict[str, Any]:
+def _section(board: Board, clips: Sequence[Clip]) -> dict[str, Any]:
     every = list(zip(board.rows, board.results, strict=True))
     lines = [(row, result) for row, result in every if result is not None]
     styles, columns = _styles(board), columns_of(board)
@@ -64,6 +69,7 @@ def _section(board: Board) -> dict[str, Any]:
         "clouds": _clouds(seeing, reference, styles),
         "config": lines[0][1].config if lines else {},
         "costs": {row["label"]: _costs(result) for row, result in lines},
+        "clips": [vars(clip) | {"cost": figure(clip.cost)} for clip in clips],
     }
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import tyro
 from rich.console import Console
@@ -32,8 +32,10 @@ class Options(Workers):
     """tables and figures by name; all if none is named"""
     episodes: int = 100
     """episodes for each figure that has chance in it, on the first public seeds"""
+    images: bool = False
+    """add the rows of cases that are also flown on rendered pictures"""
     json: Path | None = None
-    """where to write the rows"""
+    """where to write the rows, after each case that is done"""
     plots: Path | None = None
     """folder for the pictures of the cases that have one"""
 
@@ -50,28 +52,39 @@ def main(options: Options) -> None:
     chosen = list(dict.fromkeys(options.cases or known))
     for name in chosen:
         pick("case", name, known)
-    calls = [(name, options.episodes, options.plots) for name in chosen]
+    if options.images and not any(hasattr(known[name], "image_rows") for name in chosen):
+        raise ValueError(f"--images: none of {', '.join(chosen)} is flown on rendered pictures")
+    calls = [(name, options.episodes, options.plots, options.images) for name in chosen]
     done = completed(fly, calls, options)
     found: dict[int, list[Row]] = {}
     screen = Console(stderr=True)
     for index, (rows, picture) in track(done, "flying", len(calls), transient=True, console=screen):
         found[index] = rows
+        if options.json is not None:
+            keep(options.json, found, meta(PROGRAM, seeds))
         if picture is not None:
             print(f"written: {picture}")
     rows = [row for index in range(len(calls)) for row in found[index]]
     tables.screen().print(table(rows))
-    if options.json is not None:
-        content = [{**asdict(row), "ok": row.ok} for row in rows]
-        write_json(options.json, {"rows": content, "meta": meta(PROGRAM, seeds)})
     outside = [row.id for row in rows if row.ok is False]
     if outside:
         raise ValueError(f"outside the accepted band: {', '.join(outside)}")
 
 
-def fly(name: str, episodes: int, plots: Path | None) -> tuple[list[Row], Path | None]:
-    """The rows of a case, and its picture if there is a folder for it."""
+def keep(path: Path, found: dict[int, list[Row]], made: dict[str, Any]) -> None:
+    """Write the rows of the cases that are done; a run that is broken off leaves those."""
+    rows = [row for _, some in sorted(found.items()) for row in some]
+    write_json(path, {"rows": [{**asdict(row), "ok": row.ok} for row in rows], "meta": made})
+
+
+def fly(
+    name: str, episodes: int, plots: Path | None, images: bool = False
+) -> tuple[list[Row], Path | None]:
+    """The rows of a case, those on rendered pictures too, and its plot if there is a folder."""
     case = cases()[name]
     rows = list(case.rows(episodes))
+    if images and hasattr(case, "image_rows"):
+        rows += case.image_rows(episodes)
     drawn = plots is not None and hasattr(case, "plot")
     return rows, case.plot(plots, episodes) if drawn else None
 

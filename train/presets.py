@@ -11,6 +11,8 @@ from typing import Any, Literal
 
 from torch import nn
 
+from agents.residual import Scale
+
 Algo = Literal["ppo", "sac", "td3", "recurrent_ppo", "maskable_ppo"]
 
 
@@ -29,7 +31,10 @@ class Preset:
         imitation: steps in which `--imitate LAW` gathers what the law would do.
         validation: episodes of a validation.
         settings: of the environment, in training and validation.
-        residual_scale: what a residual may add to a law, over the longest action.
+        residual_scale: what a residual may add to a law, over the longest action; one for all
+            numbers of an action, or one for each.
+        reads: fields of the row that a residual reads, beside the law's command; empty for the
+            row as it is without the command.
         reward_floor, unit: see `train.vec_env.LaneVecEnv`.
     """
 
@@ -42,7 +47,8 @@ class Preset:
     imitation: int = 0
     validation: int = 1000
     settings: dict[str, Any] = field(default_factory=dict)
-    residual_scale: float = 0.3
+    residual_scale: Scale = 0.3
+    reads: tuple[str, ...] = ()
     reward_floor: float = float("-inf")
     unit: float = 1.0
 
@@ -107,27 +113,31 @@ PRESETS: dict[tuple[str, Algo], Preset] = {
         ON_POLICY
         | {"n_steps": 256, "batch_size": 2048, "n_epochs": 3, "gamma": 0.998, "gae_lambda": 0.9}
         | {"learning_rate": 2e-4, "ent_coef": 0.001, "target_kl": 0.02},
-        sets=64,
-        imitation=200_000,
+        sets=96,
+        imitation=600_000,
         validation=100,
         settings={"arena": "kinematic"},
     ),
     # whole episodes, all of one length: parts of them would teach one phase of the flight at a
-    # time; a push is held for four seconds, since noise at every step hardly moves the aircraft
+    # time; a push is held for four seconds, since noise at every step hardly moves the aircraft. A
+    # linear correction of few numbers: whole rows drown in a million steps what a flight teaches
     ("visenvs/Mapping-v0", "ppo"): Preset(
-        64,
+        128,
         ON_POLICY
         | {
             "n_steps": 120,
             "batch_size": 1920,
-            "learning_rate": 7e-4,
-            "gamma": 0.97,
+            "n_epochs": 5,
+            "learning_rate": 1.5e-3,
+            "gamma": 0.99,
+            "max_grad_norm": 2.0,
             "use_sde": True,
             "sde_sample_freq": 8,
         },
-        {"net_arch": {"pi": [32], "vf": [64, 64]}, "log_std_init": -2.0},
-        residual_scale=0.5,
-        unit=0.02,
+        {"net_arch": {"pi": [], "vf": [64, 64]}, "log_std_init": -1.0},
+        residual_scale=(0.6, 0.6, 0.1, 0.1),
+        reads=("r_V_N", "v_V_N"),
+        unit=0.1,
     ),
     ("visenvs/Formation-v0", "ppo"): Preset(
         256,

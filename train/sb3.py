@@ -18,14 +18,8 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.utils import set_random_seed
 
 from agents import registry
-from agents.learned import (
-    Residual,
-    choice_network,
-    digest,
-    picture_network,
-    read_card,
-    set_network,
-)
+from agents.learned import choice_network, digest, picture_network, read_card, set_network
+from agents.residual import Reading, Residual, Scale
 from visenvs.core.cli import launch
 from visenvs.core.config import Config, override, pick, to_json
 from visenvs.core.files import read_json, write_json
@@ -263,7 +257,8 @@ def build_lanes(
     residual = None
     if options.residual is not None:
         law = registry.load_law(options.residual, task, config)
-        residual = Residual(law, scale_of(options, preset))
+        reading = Reading(task, preset.reads) if preset.reads else None
+        residual = Residual(law, scale_of(options, preset), reading)
     lanes = LaneVecEnv(
         task,
         config,
@@ -276,7 +271,7 @@ def build_lanes(
     return lanes, LaneVecEnv(task, config, VALIDATION_SEEDS[: preset.validation], residual)
 
 
-def scale_of(options: Options, preset: Preset) -> float:
+def scale_of(options: Options, preset: Preset) -> Scale:
     """How far a residual may correct, over the longest action."""
     return preset.residual_scale if options.residual_scale is None else options.residual_scale
 
@@ -296,7 +291,7 @@ def build_model(options: Options, preset: Preset, lanes: LaneVecEnv) -> BaseAlgo
         return start * max(left, 0.05)
 
     settings: dict[str, Any] = preset.model | {"learning_rate": schedule}
-    task, policy = lanes.lanes.task, POLICIES.get(options.algo, "MlpPolicy")
+    task, policy = lanes.task, POLICIES.get(options.algo, "MlpPolicy")
     sets: dict[str, Any] = {}
     if task.frames is not None:
         policy = policy.replace("Mlp", "Cnn")
@@ -319,7 +314,10 @@ def card(
     options: Options, task: Task, scenario: str, preset: Preset, run: dict[str, Any]
 ) -> dict[str, Any]:
     """What somebody must know of the model: what it flies, how it was made, what it reached."""
-    scale = scale_of(options, preset)
+    residual: dict[str, Any] | None = None
+    if options.residual is not None:
+        residual = {"law": options.residual, "scale": scale_of(options, preset)}
+        residual |= {"reads": list(preset.reads)} if preset.reads else {}
     best = dict(run["best"])
     return {
         "env": task.id,
@@ -327,7 +325,7 @@ def card(
         "estimator": run["config"].get("estimator"),
         "information": run["config"].get("observation", "belief"),
         "algo": options.algo,
-        "residual": None if options.residual is None else {"law": options.residual, "scale": scale},
+        "residual": residual,
         "policy": preset.policy
         | {name: getattr(preset, name) for name in ("sets", "pictures") if getattr(preset, name)},
         "steps": best.pop("steps"),

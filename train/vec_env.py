@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
-from agents.learned import Residual
+from agents.residual import Residual
 from visenvs.core.config import Config
 from visenvs.core.lanes import Lanes, Task
 from visenvs.core.layout import Choices
@@ -51,7 +51,9 @@ class LaneVecEnv(VecEnv):
     ) -> None:
         count, task = len(seeds) * task.team(config), task.under(config)
         self.render_mode = None
-        super().__init__(count, deepcopy(task.space), deepcopy(task.action.space))
+        reading = None if residual is None else residual.reading
+        self.task = task if reading is None else reading.task
+        super().__init__(count, deepcopy(self.task.space), deepcopy(task.action.space))
         self.lanes = Lanes(task, config, count)
         self._starts = list(seeds)
         self._residual = residual
@@ -61,13 +63,16 @@ class LaneVecEnv(VecEnv):
         self._start = time.time()
         self._returns = np.zeros(count)
         self._actions: NDArray[Any] = np.zeros((count, task.action.size), np.float32)
+        self._command = self._actions.copy()
+        self._seen: NDArray[Any] = np.zeros((count, *self.task.space.shape), self.lanes.rows.dtype)
 
     def reset(self) -> NDArray[np.float32]:
         """Start the first episode of every lane's seed."""
         self.lanes.reset(self._starts)
         self._returns[:] = 0.0
         self._remember_potential()
-        return self.lanes.rows.copy()
+        self._look()
+        return self._seen.copy()
 
     def step_async(self, actions: NDArray[Any]) -> None:
         """Keep the actions for `step_wait`."""
@@ -77,7 +82,7 @@ class LaneVecEnv(VecEnv):
         """Advance; lanes that end report their episode and start their next one."""
         actions = self._actions
         if self._residual is not None:
-            actions = self._residual.combine(self.lanes.rows, actions)
+            actions = self._residual.combine(self._command, actions)
         ended = self.lanes.step(actions)
         self._returns += self.lanes.rewards
         done = self.lanes.over if ended else np.zeros(self.num_envs, bool)
@@ -87,10 +92,11 @@ class LaneVecEnv(VecEnv):
             rewards += after - self._before
             self._before = after
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        self._look()
         if done.any():
             self._finish(done, infos)
         return (
-            self.lanes.rows.copy(),
+            self._seen.copy(),
             (np.clip(rewards, self._floor, -self._floor) / self._unit).astype(np.float32),
             done,
             infos,
@@ -99,8 +105,16 @@ class LaneVecEnv(VecEnv):
     def correction(self, wanted: NDArray[np.float64]) -> NDArray[np.float32]:
         """What a network has to say now, within [-1, 1], so that the actions `wanted` come out."""
         if self._residual is not None:
-            wanted = self._residual.missing(self.lanes.rows, wanted)
+            wanted = self._residual.missing(self._command, wanted)
         return np.clip(wanted, -1.0, 1.0).astype(np.float32)
+
+    def _look(self, where: NDArray[np.bool_] | slice = slice(None)) -> None:
+        """Write what the network reads of some lanes, and keep the law's commands for the step."""
+        rows = self.lanes.rows[where]
+        if self._residual is not None:
+            self._command[where] = self._residual.command(rows)
+            rows = self._residual.seen(rows, self._command[where])
+        self._seen[where] = rows
 
     def _finish(self, done: NDArray[np.bool_], infos: list[dict[str, Any]]) -> None:
         elapsed = round(time.time() - self._start, 6)
@@ -108,13 +122,14 @@ class LaneVecEnv(VecEnv):
         for i in np.flatnonzero(done):
             length = int(self.lanes.records["step"][i])
             infos[i] = {
-                "terminal_observation": self.lanes.rows[i].copy(),
+                "terminal_observation": self._seen[i].copy(),
                 "TimeLimit.truncated": bool(truncated[i]),
                 "episode": {"r": float(self._returns[i]), "l": length, "t": elapsed},
                 "is_success": bool(self.lanes.outcome[i] == SUCCESS),
             }
         self._returns[done] = 0.0
         self.lanes.reset(where=done)
+        self._look(done)
         self._remember_potential()
 
     def _remember_potential(self) -> None:

@@ -8,8 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from visenvs.core.units import GRAVITY
-from visenvs.estimation.navigator import Navigator, settings
+from visenvs.core.config import override, to_record
+from visenvs.core.lanes import Lanes
+from visenvs.core.registry import load_task
+from visenvs.envs import _herding_images as herding
+from visenvs.envs._herding_layout import WORK
+from visenvs.envs._herding_navigation import known
 from visenvs.sensors.images import haar, leader, spheres, templates
 from visenvs.sensors.images.aircraft import draw_aircraft
 from visenvs.sensors.images.arena import shared_arena
@@ -49,7 +53,7 @@ def rows(budget: Budget) -> list[Row]:
         "images/detect/leader": each(lambda _: leader.detect(far, OPTICS, prior)),
         "images/detect/haar": each(lambda _: haar.detect(grey, shipped_cascade(), sizes)),
         "images/detect/ncc": each(lambda _: templates.detect(grey, *view)),
-        HERDING: herding_step(fleet),
+        HERDING: herding_step(),
     }
     if importlib.util.find_spec("PyFlyt") is None:
         left_out("images/pyflyt", "pip install PyFlyt")
@@ -105,21 +109,24 @@ def leader_picture(k: int) -> Image:
     return expose(frame, LENS, 0, 0, 0, k)
 
 
-def herding_step(fleet: Any) -> Portion:
-    """Picture, IMU and navigation, cascade, and one robot's template: a step at 20 Hz."""
-    told = settings(OPTICS)
-    navigator = Navigator.start(OPTICS, DOWN, told, PLACE, np.zeros(3), np.eye(3))
-    sizes = haar.floor_sizes(OPTICS, DOWN, 2.0 - HEIGHT, WINDOW)
-    samples = np.zeros((5, 2, 3))
-    samples[:, 0, 2] = -GRAVITY
+def herding_step() -> Portion:
+    """All that a herding aircraft makes of a picture over ten robots, four seconds after the start.
 
-    def step(k: int) -> None:
-        image = arena_picture(fleet, k)
-        navigator.feel(samples)
-        navigator.see(image, 2.0)
-        haar.detect(image, shipped_cascade(), sizes)
-        place = fleet["place"][0]
-        templates.detect(image, OPTICS, DOWN, PLACE, place, (-0.2, 0.0, 0.2), 0)
+    The picture, IMU and navigation, the cascade in all of it, templates and headings, the tracks.
+    """
+    task = load_task("visenvs/Herding-v0")
+    changes = {"perception": "images", "navigation": "vio"}
+    config = override(task.scenarios["firmware"], changes)
+    lanes, idle = Lanes(task, config, 1), np.zeros((1, 1), np.float32)
+    lanes.reset([0])
+    for _ in range(8):
+        lanes.step(idle)
+    cfg, work = to_record(config)[0], np.zeros(1, WORK)[0]
+
+    def step(_: int) -> None:
+        own = lanes.snapshot()
+        own["bank"]["picture"] = 0.0  # one of those that are searched as a whole
+        herding.navigate(own, known(own), 0, cfg, work)
 
     return each(step)
 

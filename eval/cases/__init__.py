@@ -42,7 +42,10 @@ class Row:
 
 
 def cases() -> dict[str, ModuleType]:
-    """Every case by name: a module with `rows(episodes)` and, some, `plot(folder, episodes)`."""
+    """Every case by name: a module with `rows(episodes)`.
+
+    Some have `plot(folder, episodes)`, or `image_rows(episodes)`, the same on rendered pictures.
+    """
     files = [info.name for info in pkgutil.iter_modules(__path__) if not info.name.startswith("_")]
     modules = [importlib.import_module(f"{__name__}.{name}") for name in files]
     return {module.CASE: module for module in modules}

@@ -3,6 +3,9 @@
 The frame has sides of 60 ft, 10 ft above ground; the aircraft flies at 40 ft and 15 ft/s, with an
 image every 0.02 s, and looks straight down. Lines grow as more of their edges comes into view. The
 thesis's map lacks parts of one edge; without any extension a third of the length would be missing.
+
+The thesis gives no path. Of zig-zags in four legs that reach 30 to 38 ft to the sides, 34 ft stays
+farthest below both bands on seeds 50000 to 50059; 38 ft leaves parts of the frame unseen.
 """
 
 from __future__ import annotations
@@ -22,7 +25,7 @@ from ._mapping import coverage, down, draw_lines, fly, median, settings, start, 
 from .fig15 import counted, errors
 
 CASE = "fig16"
-ALTITUDE, HALF, LEGS, STEP = 40 * FOOT, 35 * FOOT, 4, 15 * FOOT * 0.02
+ALTITUDE, HALF, LEGS, STEP = 40 * FOOT, 34 * FOOT, 4, 15 * FOOT * 0.02
 DRAWN = (1, 400, 2000)  # images after which the picture is made
 BANDS = {"d-only": 0.11, "four": 0.03}  # ends, ft
 
@@ -56,7 +59,7 @@ def flight(estimator: str, extend_max: float, episodes: int) -> NDArray[Any]:
 
 
 def zigzag() -> NDArray[np.float64]:
-    """Places of all images, m, N, (n, 3): to and fro, 5 ft beyond the edges."""
+    """Places of all images, m, N, (n, 3): to and fro, 4 ft beyond the edges."""
     corners = [(HALF * (2 * k / LEGS - 1), HALF if k % 2 else -HALF) for k in range(LEGS + 1)]
     length = np.hypot(2 * HALF, 2 * HALF / LEGS)
     along = np.arange(0.0, LEGS * length, STEP) / length

@@ -33,11 +33,13 @@ CASE = "iarc-fig5"
 ESTIMATORS = ("ekf", "printed", "hand_over")
 EKF, PRINTED, HAND_OVER = range(3)
 RATE, HEIGHT, SECONDS = 15, 2.0, 60  # pictures a second, m, s
+PICTURED = 6  # runs on pictures at most
 FOUND, SETTLED, SPIN = 5.0, 7.0, 30.0  # when the robot is found, errors count from, it reverses, s
 SWERVES = ((15.0, 3.0), (45.0, 4.0))  # when, and for how long, s
 SWERVE_RATE = 0.064 / 0.258  # largest, rad/s (Table 1)
 AFTER = 5.0  # s after the spin over which errors are counted by themselves
 NEAR = math.radians(15.0)
+SD_PLACE, SD_HEADING = 0.3, 0.5  # standard deviations of what is believed when it is found, m, rad
 FIRST, HEADING, CAMERA = 0, 1, 2  # noise streams
 STEP = np.dtype(
     [
@@ -84,9 +86,9 @@ def begin(kind, arena, work):
     arena["heading"][0] = 2.0 * math.pi * uniform(seed, episode, FIRST, 0, 0)
     P[:] = 0.0
     for m in range(2):
-        x[m, 2] = arena["heading"][0] + 0.5 * normal(seed, episode, HEADING, 0, 0)
-        P[m, 0, 0] = P[m, 1, 1] = 0.3**2
-        P[m, 2, 2] = 0.5**2
+        x[m, 2] = arena["heading"][0] + SD_HEADING * normal(seed, episode, HEADING, 0, 0)
+        P[m, 0, 0] = P[m, 1, 1] = SD_PLACE**2
+        P[m, 2, 2] = SD_HEADING**2
 
 
 @kernel
@@ -202,6 +204,13 @@ def rows(episodes: int) -> list[Row]:
             low = None if high is None else 0.0
             out.append(Row(f"{CASE}/{estimator}/{name}", paper, ours, error, episodes, low, high))
     return out
+
+
+def image_rows(episodes: int) -> list[Row]:
+    """The same on rendered pictures, for a few runs."""
+    from . import _iarc_images
+
+    return _iarc_images.rows(public_seeds(min(episodes, PICTURED)))
 
 
 def plot(folder: Path, episodes: int) -> Path:

@@ -393,6 +393,20 @@ def test_a_vehicle_that_turns_back_is_cut_off_and_charged_for_the_distance():
 
 
 @pytest.mark.kernel
+def test_time_costs_to_the_plane_of_the_waypoint():
+    """Ten steps of full thrust, 0.5 s, then 15 m/s; the plane lies between two steps."""
+    changes = {**ONE, "waypoint": (99.9, 0.0, 0.0), "obstacle_y": (20.0, 0, 0, 0, 0, 0)}
+    lanes, returned = started(**changes, lateral=0, s_time=3.0), 0.0
+    while not lanes.done.all():
+        lanes.step(np.array([[1.0 if lanes.records["step"][0] < 10 else 0.0, 0, 0]], np.float32))
+        returned += lanes.rewards[0]
+    record, time = lanes.records[0], 0.5 + (99.9 - 0.5 * 10.0 - 0.5 * 10.0 * 0.5**2) / 15.0
+    assert record["flight_time"] == pytest.approx(time)
+    assert record["total_cost"] == pytest.approx(3.0 * time + 0.5 * 100.0 * 0.5)
+    assert returned == pytest.approx(-record["total_cost"])
+
+
+@pytest.mark.kernel
 def test_acceleration_is_limited_in_length():
     lanes = started(**ONE)
     lanes.step(np.array([[0.0, 1.0, 1.0]], np.float32))
@@ -514,6 +528,7 @@ IMPOSSIBLE = {
     "unseen goal": ({"goal": "seen", "association": "ztest"}, "out of range: association"),
     "adrift": ({"drift": 1.0}, "out of range: drift"),
     "margin": ({"margin": 1.0}, "out of range: margin"),
+    "time that is given": ({"s_time": 1.0}, "out of range: s_time"),
 }
 
 
@@ -564,6 +579,15 @@ GOLDEN = {
         "min_separation": 1.6415820229786156,
         "nees_mean": 3.742931448687293,
         "sightings": [[-0.7017624854082187, -0.376888526909952]],
+    },
+    "minimum-time": {
+        "total_cost": 3171.5299140992324,
+        "control_cost": 6.292595656491664,
+        "miss_distance": 7.639403002380526,
+        "flight_time": 12.360670340185568,
+        "min_separation": 1.048989182336536,
+        "nees_mean": 2.658109841928577,
+        "sightings": [[-0.8070058798486908, 0.8550925852148248]],
     },
     "thesis-3.5.1": {
         "total_cost": 475749.20412009285,

@@ -8,15 +8,18 @@ import pytest
 
 from agents.registry import load
 from eval.rollout import rollout
-from visenvs.core.config import override
+from visenvs.core.config import override, to_record
 from visenvs.core.lanes import Lanes
 from visenvs.core.outcome import Outcome
 from visenvs.core.registry import load_task
 from visenvs.dynamics.ground_robot import ACTIVE, GOALED, REMOVED, ROBOTS
 from visenvs.dynamics.lander import DAMPING, STIFFNESS
 from visenvs.envs._herding_config import SCENARIOS
+from visenvs.envs._herding_landing import begin_landing, land_by_plan
+from visenvs.envs._herding_layout import WORK
 from visenvs.guidance.choices import CHOICES
 from visenvs.guidance.interception import LEAD
+from visenvs.guidance.landing import AHEAD
 
 TASK = load_task("visenvs/Herding-v0")
 TRUTH = {"estimator": "truth", "arena": "kinematic"}
@@ -84,12 +87,33 @@ def test_obstacles_keep_their_circle():
 # services
 
 
-def test_landing_in_front_turns_a_robot_about():
-    lanes = alone()
+@pytest.mark.parametrize("landing", ["pid", "ddp"])
+def test_landing_in_front_turns_a_robot_about(landing):
+    lanes = alone(landing=landing)
     record = serve(lanes, "block 0")
     assert (record["blocks"], record["touched"][0], record["aborts"]) == (1, 1, 0)
     assert record["heading"][0] == pytest.approx(math.pi, abs=1e-9)
     assert record["height"] == lanes.config.cruise
+
+
+def test_a_planned_landing_ends_slowly_in_the_robots_path_and_within_limits():
+    lane, cfg, work = alone().records[0], to_record(SCENARIOS["firmware"])[0], np.zeros(1, WORK)[0]
+    ahead, pose, plan = lane["track_r_N"], work["pose"], work["plan"]
+    lane["r_V_N"] = np.add(ahead[:2], (0.9, 0.4))
+    begin_landing(lane, 0, cfg, pose, plan)
+    most, fastest = 0.0, 0.0
+    while lane["height"] > 0.0:
+        land_by_plan(lane, 0, cfg, pose, plan)
+        ahead[0] += cfg["speed"] * cfg["tick"]
+        lane["track_phase"][0] += cfg["tick"]
+        most = max(most, math.hypot(*lane["u"][0]))
+        fastest = max(fastest, math.hypot(*lane["v_V_N"], lane["sink"]))
+    gap = lane["r_V_N"] - ahead[:2] - [AHEAD, 0.0]
+    assert -0.02 < gap[0] < 0.1  # the aim lies under the floor: it is there a little early
+    assert abs(gap[1]) < 0.02
+    assert 0.0 < lane["sink"] < 0.5 * cfg["v_descent"]  # unplanned, it comes down at v_descent
+    assert math.hypot(*lane["v_V_N"]) < 0.3
+    assert most <= cfg["a_max"] and fastest <= cfg["v_max"]
 
 
 def test_touching_the_top_turns_a_robot_by_45_degrees():

@@ -279,6 +279,59 @@ def test_false_segments_make_phantoms_that_age():
     assert 0.5 < many < 10.0  # of some 120 false segments in each episode
 
 
+# Golden episodes: a change of scenes, images, filter, row or cost shows here. If it is meant,
+# bump the version in ENV_ID (visenvs/Mapping-v1) before you write the new numbers down.
+GOLDEN = {
+    ("town", "four"): {
+        "total_cost": 0.2663598739594964,
+        "control_cost": 0.002521545425133607,
+        "map_error": 0.7103176182102587,
+        "map_deviation": 0.6830309433309706,
+        "coverage": 0.40625,
+        "lines": 35.0,
+        "worst_N": [-2.8703731348454418, 1.6713640945501882, -6.969647878982995],
+        "r_V_N": [1.68455952158455, 35.661715220465794, -30.0],
+    },
+    ("town", "d-only"): {
+        "total_cost": 0.26999838163898787,
+        "map_error": 0.7323277890515612,
+        "map_deviation": 0.6957640491527761,
+        "lines": 35.0,
+    },
+    ("pyramid", "four"): {
+        "total_cost": 0.08249936084049654,
+        "map_error": 0.028982583430748016,
+        "map_deviation": 0.03688472219839713,
+        "lines": 8.0,
+        "worst_N": [-0.03271666655211637, 0.00039341219206452357, 0.0476918217235695],
+    },
+    ("frame", "four"): {
+        "total_cost": 0.12643784081885998,
+        "map_error": 0.285820308711656,
+        "map_deviation": 0.10543230929777546,
+        "coverage": 0.734375,
+        "lines": 5.0,
+        "worst_N": [0.22458334676286007, -0.0036390726738395906, -0.17959194366384648],
+    },
+    ("terrain", "four"): {
+        "total_cost": 0.04336427303909767,
+        "map_error": 0.05190687935314531,
+        "map_deviation": 0.05626491668436629,
+        "lines": 112.0,
+        "worst_N": [3.7842105146989717, -0.049070765580173294, 8.172921047920886],
+    },
+}
+
+
+@pytest.mark.parametrize(("scenario", "estimator"), GOLDEN)
+def test_a_seeded_episode_stays_what_it_was_in_this_version(scenario, estimator):
+    record = last(started([123], scenario, estimator=estimator), "circle", 20)[0]
+    assert TASK.id == "visenvs/Mapping-v0"
+    for name, value in GOLDEN[scenario, estimator].items():
+        found = record[name][0] if name == "worst_N" else record[name]
+        assert found == pytest.approx(value, rel=1e-6), name
+
+
 # configuration
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from eval import page
 from eval.board import make_board, missing_row, result_row
+from eval.clips import Clip
 from eval.metrics import Episodes
 from eval.plots import BOX, LogAxis, cloud_path, log_axis, spread, step_path, tick_label
 from eval.results import Result
@@ -63,7 +64,14 @@ def a_result(policy, cost, information="belief", estimator="ekf"):
     )
 
 
-def rendered(*costs_by_policy):
+DOT = (
+    "data:image/webp;base64,"
+    "UklGRjIAAABXRUJQVlA4ICYAAABwAQCdASoQAAkAB0CWJaACdAFAAAD+xO/Xqlty0b7bd+uiqAAAAA=="
+)
+CLIP = Clip("osa", "worst", 100_007, 3.25, "out_of_bounds", DOT)
+
+
+def rendered(*costs_by_policy, clips=()):
     costs = dict(costs_by_policy)
     flown = [
         a_result(name, cost, "none" if name == "zero" else "belief") for name, cost in costs.items()
@@ -73,7 +81,8 @@ def rendered(*costs_by_policy):
     reason = "needs a <field> that is not there"
     missing = missing_row("visenvs/Rendezvous-v0", "random", "ekf", "points", "blind", reason)
     parser = Strict()
-    text = page.render([make_board(task, "random", [*lines, (missing, None)])], MADE)
+    shown = [clips] if clips else ()
+    text = page.render([make_board(task, "random", [*lines, (missing, None)])], MADE, shown)
     parser.feed(text)
     assert parser.open == []
     return text, parser
@@ -97,6 +106,12 @@ def test_every_policy_has_a_row_a_bar_a_curve_and_a_cloud(costs):
     assert text.count('class="curve ') == 2  # zero sees nothing
     assert text.count('class="dots"') == 1  # lq is the reference
     assert "a summary" in parser.text
+
+
+def test_a_clip_says_what_it_shows(costs):
+    _, parser = rendered(("lq", costs), ("osa", 0.5 * costs), clips=[CLIP])
+    assert DOT in parser.links
+    assert "osa worst: J 3.25, out of bounds seed 100007" in " ".join(parser.text.split())
 
 
 def test_what_users_type_is_never_markup(costs):

@@ -8,7 +8,7 @@ import subprocess
 import numpy as np
 import pytest
 
-from tests.eval.test_page import rendered
+from tests.eval.test_page import CLIP, rendered
 
 BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
 pytestmark = pytest.mark.skipif(BROWSER is None, reason="no Chromium: `apt-get install chromium`")
@@ -29,6 +29,15 @@ seen.against = document.querySelector(".against").textContent;
 const heads = [...document.querySelectorAll("thead button")];
 press(heads.find(head => head.textContent.startsWith("J mean")));
 seen.sorted = shown();
+const box = element => element.getBoundingClientRect();
+const handles = [...document.querySelectorAll("button, a, summary")]
+  .filter(e => e.getClientRects().length);
+seen.unreachable = handles.filter(e => e.tabIndex < 0).map(e => e.textContent);
+seen.small = handles.filter(e => box(e).height < 24).map(e => [e.textContent, box(e).height]);
+const flights = document.querySelector(".flights"), image = flights.querySelector("img");
+seen.closed = image.checkVisibility();
+press(flights.querySelector("summary"));
+seen.clip = [box(image).width, box(image).right <= innerWidth];
 const out = document.createElement("pre");
 out.id = "seen"; out.textContent = JSON.stringify(seen);
 document.body.append(out);
@@ -37,7 +46,7 @@ document.body.append(out);
 
 def visit(tmp_path, width):
     costs = np.exp(np.random.default_rng(0).standard_normal(50))
-    text, _ = rendered(("lq", costs), ("osa", 0.5 * costs), ("zero", 100 * costs))
+    text, _ = rendered(("lq", costs), ("osa", 0.5 * costs), ("zero", 100 * costs), clips=[CLIP])
     page = tmp_path / "page.html"
     page.write_text(text.replace("</body>", VISIT + "</body>"), encoding="utf-8")
     command = [
@@ -65,3 +74,7 @@ def test_rows_can_be_filtered_compared_and_sorted(tmp_path, width):
     assert mean == pytest.approx(0.5 * costs.mean(), rel=5e-3)
     assert low < mean < high
     assert seen["sorted"] == ["osa", "lq", "blind"]
+    assert seen["unreachable"] == []  # by the keyboard
+    assert width > 640 or seen["small"] == []  # by fingers
+    assert not seen["closed"]  # nothing moves until it is asked to
+    assert seen["clip"][0] > 200 and seen["clip"][1]

@@ -13,7 +13,7 @@ BELIEF = np.dtype(
     + [("r_OV_N", "f8", 3 * K), ("chol_OV", "f8", 6 * K), ("vhat_O_N", "f8", 3 * K)]
     + [(name, "f8", K) for name in ("radius_O", "valid_O", "slot_O")]
 )
-NUMBERS = ("dt", "a_max", "t_min", "t_critical", "s_x", "s_v")
+NUMBERS = ("dt", "a_max", "t_min", "t_critical", "s_x", "s_v", "s_time")
 NUMBERS += ("sigma_range", "sigma_angle", "min_range")
 SETTINGS = np.dtype([(name, "f8") for name in NUMBERS] + [("lateral", "i8"), ("camera", "i8")])
 

@@ -2,12 +2,14 @@
 
 import numpy as np
 import pytest
+from sb3_contrib import MaskablePPO
 from sb3_contrib.common.maskable.utils import get_action_masks, is_masking_supported
 
 from agents.registry import load
 from eval.rollout import rollout
 from tests.toys import toys
 from train import sb3
+from train.imitation import imitate
 from train.presets import DEFAULTS, Preset
 from train.sb3 import Options, train
 from train.vec_env import LaneVecEnv
@@ -52,6 +54,24 @@ def test_a_policy_that_chooses_is_trained_saved_and_flown(tmp_path, monkeypatch)
         for entry in (learned, blind)
     ]
     assert costs[0] < 0.5 * costs[1]
+
+
+class Towards:
+    """Goes straight to the landing."""
+
+    def predict(self, rows, state=None, episode_start=None, deterministic=True):
+        return np.where(rows[:, 0] > rows[:, 1], 1, np.where(rows[:, 0] < rows[:, 1], 2, 0)), None
+
+
+def test_imitation_ends_in_the_laws_own_choices_where_the_network_flies():
+    task = load_task(STAIRS)
+    lanes = LaneVecEnv(task, task.scenarios["plain"], range(16))
+    model = MaskablePPO("MlpPolicy", lanes, policy_kwargs={"net_arch": [32]}, seed=0, device="cpu")
+    assert imitate(model.policy, lanes, Towards(), 40_000) > 0.98
+    seen = lanes.reset()
+    mask = lanes.lanes.allowed
+    own = model.policy.predict(seen, action_masks=mask, deterministic=True)[0]
+    assert np.array_equal(own, Towards().predict(seen)[0])
 
 
 def test_what_cannot_choose_is_refused(tmp_path):

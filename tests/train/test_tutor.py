@@ -7,7 +7,7 @@ import pytest
 from stable_baselines3 import PPO
 
 from agents import registry
-from agents.learned import Residual
+from agents.residual import Residual
 from tests.toys import toys
 from train.shaping import potential_of
 from train.tutor import TEACHER, learn_from_truth, teacher_of
@@ -69,7 +69,7 @@ def test_a_correction_makes_the_wanted_action_come_out():
     rows = lanes.reset()
     wanted = law.predict(rows)[0] + 0.1
     correction = lanes.correction(wanted)
-    assert Residual(law, 0.3).combine(rows, correction) == pytest.approx(
+    assert Residual(law, 0.3).combine(law.predict(rows)[0], correction) == pytest.approx(
         np.clip(wanted, -1, 1), abs=1e-6
     )
 

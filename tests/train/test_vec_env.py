@@ -12,8 +12,8 @@ from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormalize
 
-from agents.learned import Residual
 from agents.registry import load
+from agents.residual import Reading, Residual
 from eval.rollout import rollout
 from tests.toys import toys
 from train.shaping import potential_of
@@ -133,6 +133,30 @@ def test_a_residual_adds_the_laws_action():
         aim, _ = law.predict(lanes.rows)
         lanes.step(np.clip(aim + np.float32(0.25) * correction, -1.0, 1.0))
         assert np.array_equal(env.step(correction)[0], lanes.rows)
+
+
+def test_a_network_that_is_told_reads_its_fields_and_the_laws_command():
+    law = load("lq", RENDEZVOUS, BRIEF).policy
+    reading = Reading(RENDEZVOUS, ("t_go", "v_V_N"))
+    env, lanes = brief(residual=Residual(law, 0.25, reading)), Lanes(RENDEZVOUS, BRIEF, 3)
+    lanes.reset(range(7, 10))
+
+    def expected():
+        row, columns = lanes.rows, RENDEZVOUS.observation.columns
+        return np.hstack([row[:, columns(["t_go", "v_V_N"])], law.predict(row)[0]])
+
+    rows, last = env.reset(), None
+    assert env.observation_space.shape == rows.shape[1:] == (1 + 3 + 3,)
+    for k, correction in enumerate(pushes(env, 12)):
+        assert np.array_equal(rows, expected())
+        lanes.step(np.clip(rows[:, -3:] + np.float32(0.25) * correction, -1.0, 1.0))
+        if k == 9:
+            last = expected()
+            lanes.reset()
+        rows, _, done, infos = env.step(correction)
+        assert done.all() == (k == 9)
+        if k == 9:
+            assert np.array_equal([info["terminal_observation"] for info in infos], last)
 
 
 def test_no_correction_is_the_law_itself():

@@ -19,7 +19,7 @@ from visenvs.core.config import Config, to_record
 from visenvs.core.layout import Choices, Frames, Layout, Row, Values, float_slots
 from visenvs.core.loop import HEADER, begin, begin_chosen, settle, write_rows
 from visenvs.core.outcome import RUNNING, TIME_LIMIT, Outcome
-from visenvs.core.registry import load_task
+from visenvs.core.registry import load_named, load_task
 
 FLOAT32 = np.dtype(np.float32)
 Phase = Callable[..., None]
@@ -53,6 +53,8 @@ class Task:
             there is only one.
         pictures: for some choices of it, the pictures that are observed instead of rows.
         frames: those that a configuration asks for, None for rows.
+        records: for some choices of the configuration's `navigation`, "module:name" of the lane
+            record to use instead: a longer one, that begins like `lane`.
         perceptions: (reset_lanes, step_lanes) to use instead for some choices of the
             configuration's `perception`.
         modes: the same for `action`, by the configuration's `action_mode`.
@@ -84,6 +86,7 @@ class Task:
     views: Mapping[str, Layout] = field(default_factory=dict[str, Layout])
     pictures: Mapping[str, Frames] = field(default_factory=dict[str, Frames])
     frames: Frames | None = None
+    records: Mapping[str, str] = field(default_factory=dict[str, str])
     perceptions: Mapping[str, tuple[Phase, Phase]] = field(
         default_factory=dict[str, tuple["Phase", "Phase"]]
     )
@@ -104,8 +107,10 @@ class Task:
         frames = self.pictures.get(getattr(config, "observation", ""))
         if frames is not None:
             frames = replace(frames, side=getattr(config, frames.setting))
-        chosen = view, action, seeing, frames
-        if chosen == (self.observation, self.action, phases, self.frames):
+        longer = self.records.get(getattr(config, "navigation", ""))
+        lane = self.lane if longer is None else load_named(longer)
+        chosen = view, action, seeing, frames, lane
+        if chosen == (self.observation, self.action, phases, self.frames, self.lane):
             return self
         reset, step = seeing
         return replace(
@@ -115,6 +120,7 @@ class Task:
             reset_lanes=reset,
             step_lanes=step,
             frames=frames,
+            lane=lane,
         )
 
     @property

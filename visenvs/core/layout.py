@@ -146,6 +146,13 @@ class Layout:
                 listed.append(columns.reshape(field.each, -1))
         return np.array(once, np.int64), np.concatenate(listed, axis=1)
 
+    def columns(self, names: Sequence[str]) -> NDArray[np.int64]:
+        """Columns of the named fields, in the order of the names."""
+        places = {
+            f.name: (start, f.size) for f, start in zip(self.fields, self._starts, strict=True)
+        }
+        return np.concatenate([places[n][0] + np.arange(places[n][1]) for n in names])
+
     def slots(self, record: np.dtype[Any]) -> NDArray[Any]:
         """Where each number of the row sits in a lane record (in 8 bytes), with its bounds."""
         out = np.zeros(self.size, SLOT)

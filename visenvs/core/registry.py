@@ -39,6 +39,7 @@ class Law:
         limit: setting that holds the largest command, and so tells what is commanded: "a_max" for
             accelerations in N. It is the unit of the action's layout. Empty for a law that chooses:
             its command, (n, 1), is the number of a choice.
+        positive: settings of which 0 leaves the law nothing to do.
     """
 
     name: str
@@ -49,6 +50,7 @@ class Law:
     decide: Callable[..., None]
     memory: Callable[[Any, int], int] | None = None
     limit: str = "a_max"
+    positive: tuple[str, ...] = ()
 
 
 @cache
@@ -68,6 +70,12 @@ def load_task(env_id: str) -> Task:
     from visenvs.core.config import pick
 
     return importlib.import_module(pick("environment", env_id, environment_files())).TASK
+
+
+def load_named(path: str) -> Any:
+    """What "module:name" names."""
+    module, name = path.split(":")
+    return getattr(importlib.import_module(module), name)
 
 
 @cache

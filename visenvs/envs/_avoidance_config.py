@@ -66,6 +66,7 @@ class AvoidanceConfig:
     s_x: float = 100.0  # weight of the squared miss, 1/s^3
     s_violation: float = 100.0  # weight of the squared depth inside a sphere, 1/s^3
     s_divergence: float = 1.0  # weight of the squared distance flown too wide, 1/s^3
+    s_time: float = 0.0  # weight of the time flown, m^2/s^4; only where lateral = 0
     # what the laws are told; the task itself does not use it
     s_v: float = 0.0  # weight of the squared terminal velocity, 1/s
     t_critical: float = 5.0  # an obstacle further away in time is not critical yet, s (3.23)
@@ -139,6 +140,7 @@ class AvoidanceConfig:
             s_x=self.s_x > 0,
             s_violation=self.s_violation >= 0,
             s_divergence=self.s_divergence >= 0,
+            s_time=self.s_time == 0 or (self.s_time > 0 and self.lateral == 0),
             s_v=self.s_v >= 0,
             t_critical=self.t_critical > 0,
             t_min=self.t_min >= 0,

@@ -125,6 +125,9 @@ IISC = AvoidanceConfig(
 SCENARIOS = {
     "random": AvoidanceConfig(),
     "moving": AvoidanceConfig(estimator="ekf-moving", drift=1.0),
+    # future work of the thesis (5.2.3): the vehicle may slow down, and time costs. Its speed grows
+    # threefold on the way, so that what is 10 s ahead at first matters
+    "minimum-time": AvoidanceConfig(lateral=0, s_time=20.0, t_critical=10.0),
     "thesis-3.5.1": THESIS,
     "thesis-3.5.2": SIMULATION,
     "balloon": BALLOON,

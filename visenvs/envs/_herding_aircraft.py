@@ -7,6 +7,8 @@ import math
 from visenvs.core.compile import kernel
 from visenvs.core.noise import normal_pair
 from visenvs.dynamics.lander import descend_or_climb, follow_velocity, glide
+from visenvs.envs._herding_config import BY_PLAN
+from visenvs.envs._herding_landing import begin_landing, land_by_plan
 from visenvs.guidance.choices import GO, HOVER, LOOK, meaning, place_of
 from visenvs.guidance.interception import BLOCK, TAP, aim_at, descent_time, meet
 
@@ -17,6 +19,12 @@ NEAR = 0.5  # offset from the aim at which the descent begins, m
 FRESH = 0.5  # nobody comes down for a robot that was not seen for longer, s
 APART = 1.5  # aircraft nearer to each other than this make way, m
 ASTRAY = 0.8  # offset at which it is broken off, m
+
+
+@kernel
+def true_place(lane, i):
+    """Where the aircraft really is, north (0) or east (1), m."""
+    return lane["r_V_N"][i] - lane["off_N"][i]
 
 
 @kernel
@@ -93,6 +101,8 @@ def approach(lane, others, m, cfg, work):
         enter(lane, DESCENT)
         lane["landed"] = 0
         draw_miss(lane, cfg)
+        if planned(lane, cfg):
+            begin_landing(lane, i, cfg, work["pose"], work["plan"])
 
 
 @kernel
@@ -113,21 +123,48 @@ def off_aim(lane):
 @kernel
 def come_down(lane, cfg, work):
     """Follow the aim down; break off where it runs away or the robot has left."""
-    kind, i = lane["service"], lane["target"]
-    aim_at(lane, i, kind, descent_time(lane["height"], kind, cfg), cfg, work["pose"], lane["aim_N"])
-    for k in range(2):
-        lane["aim_N"][k] += lane["miss_N"][k]
-    if off_aim(lane) > ASTRAY or lane["track_status"][i] != TRACKED:
-        lane["aborts"] += 1.0
-        leave(lane)
+    i = lane["target"]
+    if lane["track_status"][i] != TRACKED:
+        break_off(lane)
         return
-    glide(lane["r_V_N"], lane["v_V_N"], lane["a_V_N"], lane["aim_N"], cfg)
-    floor = cfg["top_height"] if kind == TAP else 0.0
-    lane["height"] = descend_or_climb(lane["height"], floor, cfg)
-    if kind == BLOCK and lane["height"] <= 0.0:
+    if planned(lane, cfg):
+        off = land_by_plan(lane, i, cfg, work["pose"], work["plan"])
+    else:
+        off = sink_to_aim(lane, i, cfg, work)
+    if off > ASTRAY:
+        break_off(lane)
+    elif lane["service"] == BLOCK and lane["height"] <= 0.0:
         enter(lane, GROUND)
         for k in range(2):
             lane["v_V_N"][k] = 0.0
+
+
+@kernel
+def break_off(lane):
+    """Give up a descent."""
+    lane["aborts"] += 1.0
+    leave(lane)
+
+
+@kernel
+def planned(lane, cfg):
+    """Whether it comes down by a plan: to land in front of a robot, where that is asked for."""
+    return cfg["landing"] == BY_PLAN and lane["service"] == BLOCK
+
+
+@kernel
+def sink_to_aim(lane, i, cfg, work):
+    """One tick of a descent at constant speed over the aim; returns how far off that it is, m."""
+    kind = BLOCK if lane["service"] == BLOCK else TAP
+    aim_at(lane, i, kind, descent_time(lane["height"], kind, cfg), cfg, work["pose"], lane["aim_N"])
+    for k in range(2):
+        lane["aim_N"][k] += lane["miss_N"][k]
+    off = off_aim(lane)
+    if off <= ASTRAY:
+        glide(lane["r_V_N"], lane["v_V_N"], lane["a_V_N"], lane["aim_N"], cfg)
+        floor = cfg["top_height"] if kind == TAP else 0.0
+        lane["height"] = descend_or_climb(lane["height"], floor, cfg)
+    return off
 
 
 @kernel

@@ -6,9 +6,10 @@ import math
 
 from visenvs.core.compile import kernel
 from visenvs.core.noise import uniform
+from visenvs.core.outcome import RUNNING
 from visenvs.dynamics.ground_robot import ABSENT, ACTIVE, OBSTACLES, ROBOTS, spinning
 from visenvs.envs._herding_aircraft import CRUISE, TRACKED
-from visenvs.envs._herding_config import BLOCK_ONLY, TRUTH
+from visenvs.envs._herding_config import BLOCK_ONLY, IMAGES, TRUTH, VIO
 from visenvs.estimation import herd
 from visenvs.guidance.choices import DELAYS, FIRST_PLACE, SIDE, look_at, number_of
 from visenvs.guidance.interception import BLOCK, TAP, meet
@@ -34,14 +35,30 @@ def begin_belief(lane, arena, cfg, work):
 
 @kernel
 def sense(lane, arena, cfg, work):
-    """Bring the belief up to date: at every tick the truth, at every picture the filters."""
+    """Bring the belief up to date: at every tick the truth, at every picture the filters.
+
+    Rendered pictures are taken outside of the kernels (`looks`).
+    """
     if cfg["estimator"] == TRUTH:
         tell_truth(lane, arena)
         return
     note_touch(lane, cfg)
-    if arena["tick"] % round(cfg["camera_every"] / cfg["tick"]) == 0:
+    if cfg["perception"] != IMAGES and due(arena, cfg):
         take_picture(lane, arena, cfg, work)
-        copy_tracks(lane)
+
+
+@kernel
+def due(arena, cfg):
+    """Whether a picture is due at this tick."""
+    return arena["tick"] % round(cfg["camera_every"] / cfg["tick"]) == 0
+
+
+@kernel
+def looks(arena, cfg):
+    """Whether a tick asks for rendered pictures, or for the navigation on them."""
+    if cfg["perception"] != IMAGES or cfg["estimator"] == TRUTH or arena["outcome"] != RUNNING:
+        return False
+    return cfg["navigation"] == VIO or due(arena, cfg)
 
 
 @kernel
@@ -84,7 +101,7 @@ def note_touch(lane, cfg):
 @kernel
 def take_picture(lane, arena, cfg, work):
     """Look down, and let every filter use what is found."""
-    pose, bank, active = work["camera"], lane["bank"], work["active"]
+    pose, active = work["camera"], work["active"]
     pose[0], pose[1], pose[2] = lane["r_V_N"][0], lane["r_V_N"][1], -lane["height"]
     for k in range(ROBOTS):
         active[k] = 1.0 if arena["fate"][k] == ACTIVE else 0.0
@@ -93,12 +110,23 @@ def take_picture(lane, arena, cfg, work):
         pose, arena["r_R_N"][:ROBOTS], active, cfg, arena["seed"], arena["episode"],
         arena["tick"], CAMERA + lane["agent"], work["seen"], work["labels"],
     )  # fmt: skip
-    herd.step(bank, work["seen"], count, pose, cfg["camera_every"], cfg, work["herd"])
+    take_in(lane, count, cfg, work)
+
+
+@kernel
+def take_in(lane, count, cfg, work):
+    """Let every filter use `count` findings of the picture from work["camera"]."""
+    pose, seen = work["camera"], work["seen"]
+    herd.step(lane["bank"], seen, count, pose, cfg["camera_every"], cfg, work["herd"])
+    copy_tracks(lane)
 
 
 @kernel
 def see_obstacles(lane, arena, pose, cfg):
-    """Remember where the obstacles in view are: their poles tell them from the robots."""
+    """Remember where the obstacles in view are: their poles tell them from the robots.
+
+    The pose is the true one; what is remembered is as far off as the aircraft believes itself.
+    """
     for k in range(OBSTACLES):
         r = arena["r_R_N"][ROBOTS + k]
         lane["obstacle_age"][k] += cfg["camera_every"]
@@ -109,7 +137,8 @@ def see_obstacles(lane, arena, pose, cfg):
         if u < cfg["p_detect"]:
             lane["obstacle_age"][k] = 0.0
             for i in range(2):
-                lane["obstacle_r_N"][2 * k + i] = lane["bank"]["r_O_N"][k, i] = r[i]
+                lane["bank"]["r_O_N"][k, i] = r[i] + lane["off_N"][i]
+                lane["obstacle_r_N"][2 * k + i] = lane["bank"]["r_O_N"][k, i]
 
 
 @kernel

@@ -8,6 +8,7 @@ from typing import Literal
 
 from visenvs.core.config import code, require, validate
 from visenvs.dynamics.ground_robot import OBSTACLES, ROBOTS
+from visenvs.sensors.ground_camera import WIDTH as PIXELS
 
 NOISE_FIRMWARE = math.degrees(0.064 / 0.258 * 0.85)  # wheels at +-0.032 m/s, 0.258 m apart
 
@@ -17,12 +18,17 @@ class HerdingConfig:
     """Everything that defines a herding task, SI and radians. FW: the official firmware."""
 
     estimator: Literal["camera", "truth"] = "camera"
+    perception: Literal["points", "images"] = "points"  # how pictures become findings
+    navigation: Literal["truth", "vio"] = "truth"  # where its own place comes from
+    observation: Literal["belief", "pixels"] = "belief"
+    frame: int = 96  # side of the pictures observed, pixels
     arena: Literal["pymunk", "kinematic"] = "pymunk"  # who settles contacts
     action_mode: Literal["options", "velocity"] = "options"
     dt: float = 0.5  # from one decision to the next while an aircraft is free, s
     tick: float = 0.05  # step of the simulation, s
     t_f: float = 600.0  # end of the mission, s
     aircraft: int = 1  # that share the arena
+    landing: Literal["pid", "ddp"] = "pid"  # in front of a robot; ddp: planned anew every tick
     # rules: every disagreement of the sources is a setting
     side: float = 20.0  # of the arena, m; the goal line is its north side
     robots: int = 10
@@ -75,6 +81,7 @@ class HerdingConfig:
             tick=self.tick > 0,
             dt=every >= 1 and abs(every - round(every)) < 1e-6,
             camera_every=ticks >= 1 and abs(ticks - round(ticks)) < 1e-6,
+            frame=16 <= self.frame <= 512,
             t_f=self.t_f >= self.dt,
             aircraft=1 <= self.aircraft <= 4,
             side=self.side > 0,
@@ -112,6 +119,14 @@ class HerdingConfig:
             score_minute=self.score_minute >= 0,
         )
         self._require_room()
+        if "images" in self.perception or "pixels" in self.observation:
+            _require_camera(self)
+        if self.navigation == "vio" and (self.perception, self.estimator) != ("images", "camera"):
+            raise ValueError(
+                f"navigation='vio' with perception={self.perception!r}, "
+                f"estimator={self.estimator!r}: its landmarks are corners of rendered pictures; "
+                "write `navigation='vio', perception='images', estimator='camera'`"
+            )
 
     def _require_room(self) -> None:
         """Refuse a start at which robots overlap each other, an obstacle or a line."""
@@ -129,6 +144,27 @@ class HerdingConfig:
             )
 
 
+def _require_camera(config: HerdingConfig) -> None:
+    """Raise a ValueError for what no rendered picture can show."""
+    from visenvs.sensors.images.arena import SIDE
+    from visenvs.sensors.images.haar import LEAST_SIZE
+    from visenvs.sensors.images.robots import HEIGHT
+    from visenvs.sensors.images.scenes import WINDOW
+
+    if config.side != SIDE:
+        raise ValueError(
+            f"side={config.side:g}: rendered pictures are of an arena of {SIDE:g} m; "
+            f"write `side={SIDE}`"
+        )
+    half = 0.5 * PIXELS * WINDOW / (LEAST_SIZE * (config.cruise - HEIGHT))
+    if config.perception == "images" and math.tan(0.5 * config.fov) > half:
+        raise ValueError(
+            f"fov={config.fov:.3g}, cruise={config.cruise:g}: a robot is found from "
+            f"{LEAST_SIZE:.0f} pixels on, {PIXELS:.0f} across; "
+            f"write `fov={math.floor(200.0 * math.atan(half)) / 100.0}` or fly lower"
+        )
+
+
 # the mission as its official firmware runs it; how the paper's figure can be reached: robots are
 # only blocked, a bump restarts their clock, and landings are from 2 m; the mission seen from 2 m
 SCENARIOS = {
@@ -138,6 +174,9 @@ SCENARIOS = {
 }
 
 TRUTH = code(HerdingConfig, "estimator", "truth")
+IMAGES = code(HerdingConfig, "perception", "images")
+VIO = code(HerdingConfig, "navigation", "vio")
+BY_PLAN = code(HerdingConfig, "landing", "ddp")
 KINEMATIC = code(HerdingConfig, "arena", "kinematic")
 VELOCITY = code(HerdingConfig, "action_mode", "velocity")
 BLOCK_ONLY = code(HerdingConfig, "services", "block")

@@ -8,6 +8,7 @@ from visenvs.core.lanes import lane_dtype
 from visenvs.core.layout import Field, Layout
 from visenvs.dynamics import ground_robot
 from visenvs.dynamics.ground_robot import OBSTACLES, ROBOTS
+from visenvs.envs import _herding_landing
 from visenvs.estimation.herd import bank_dtype, work_dtype
 from visenvs.guidance.choices import CHOICES
 from visenvs.guidance.interception import POSE
@@ -20,11 +21,13 @@ LANE = lane_dtype([
     *ground_robot.COLUMNS,
     # aircraft, known to itself
     ("r_V_N", "f8", (2,)), ("v_V_N", "f8", (2,)), ("height", "f8"),
+    ("off_N", "f8", (2,)),  # how far the place known to itself is off the true one, m
     ("stage", "f8"), ("stage_t", "f8"),  # CRUISE, DESCENT, GROUND or CLIMB, and since when, s
     ("service", "i8"), ("target", "i8"), ("delay", "f8"),  # what it is up to, s
     ("landed", "i8"),  # 1 + the robot that its last service met, or 0
     ("miss_N", "f8", (2,)),  # how far from its aim it comes down, m
     ("a_V_N", "f8", (2,)), ("aim_N", "f8", (2,)),
+    *_herding_landing.KEPT,
     ("command", "f8", (2,)), ("down", "f8"),  # velocity set-point, m/s; 1 to come down
     ("at_pole", "i8"), ("agent", "i8"),
     # belief
@@ -97,5 +100,5 @@ WORK = np.dtype([
     ("pose", "f8", (POSE,)), ("aim", "f8", (2,)),
     ("camera", "f8", (4,)), ("active", "f8", (ROBOTS,)),
     ("seen", "f8", (ROBOTS + FALSE, 2)), ("labels", "f8", (ROBOTS + FALSE,)),
-    ("herd", work_dtype(ROBOTS)),
+    ("herd", work_dtype(ROBOTS)), ("plan", _herding_landing.WORK),
 ])  # fmt: skip

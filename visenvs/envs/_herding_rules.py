@@ -7,7 +7,7 @@ import math
 from visenvs.core.compile import kernel
 from visenvs.core.outcome import COLLISION, DIVERGED, MISS, RUNNING, SUCCESS
 from visenvs.dynamics.ground_robot import ACTIVE, CIRCLES, GOALED, REMOVED, ROBOTS
-from visenvs.envs._herding_aircraft import DESCENT, leave
+from visenvs.envs._herding_aircraft import DESCENT, leave, true_place
 from visenvs.envs._herding_config import MARGIN, TOUCHED_ONLY, VELOCITY, WHOLE
 from visenvs.guidance.interception import TAP
 
@@ -76,8 +76,8 @@ def feel_touches(team, cfg):
 def tap_nearest(arena, lane, cfg):
     """Touch the top of the robot beneath an aircraft; whether there is one."""
     for k in range(ROBOTS):
-        north = arena["r_R_N"][k, 0] - lane["r_V_N"][0]
-        east = arena["r_R_N"][k, 1] - lane["r_V_N"][1]
+        north = arena["r_R_N"][k, 0] - true_place(lane, 0)
+        east = arena["r_R_N"][k, 1] - true_place(lane, 1)
         if arena["fate"][k] == ACTIVE and math.hypot(north, east) <= cfg["tap_radius"]:
             arena["tapped"][k] = arena["touched"][k] = 1
             lane["landed"] = k + 1
@@ -96,8 +96,8 @@ def hit_poles(team, cfg):
         lane, hit = team[m], 0
         if lane["height"] < POLES[-1]:
             for k in range(ROBOTS, CIRCLES):
-                north = arena["r_R_N"][k, 0] - lane["r_V_N"][0]
-                east = arena["r_R_N"][k, 1] - lane["r_V_N"][1]
+                north = arena["r_R_N"][k, 0] - true_place(lane, 0)
+                east = arena["r_R_N"][k, 1] - true_place(lane, 1)
                 below = lane["height"] < POLES[k - ROBOTS]
                 if arena["fate"][k] == ACTIVE and below and math.hypot(north, east) < reach:
                     hit = 1

@@ -10,7 +10,9 @@ from the start roughly to the waypoint. Cost, in m^2/s^3, its terms summed over 
 - divergence: 1/2 s_divergence times the square of what the closest approach to a sphere that
   blocks the straight line exceeds 1 + margin radii by: flying much wider than needed;
 - miss: 1/2 s_x times the squared distance to the waypoint in its plane, or to the waypoint itself
-  if the time runs out before.
+  if the time runs out before;
+- time: s_time times the time flown. It is 0 in the papers' cases, where the forward speed is kept;
+  in `minimum-time` (future work of the thesis, 5.2.3) the vehicle may accelerate and slow down.
 
 A flight goes on inside a sphere; it ends as a collision if it has been inside by more than `margin`
 of the radius.
@@ -94,9 +96,11 @@ LANE = lane_dtype(
         ("cost_violation", "f8"),
         ("cost_divergence", "f8"),
         ("cost_miss", "f8"),
+        ("cost_time", "f8"),
         ("total_cost", "f8"),
         ("control_cost", "f8"),
         ("miss_distance", "f8"),
+        ("flight_time", "f8"),
         ("min_separation", "f8"),
         ("violations", "f8"),
         ("ghosts", "f8"),  # tracks of nothing, or of an obstacle that has one
@@ -222,8 +226,10 @@ def score(lane, cfg, work):
     watch_filters(lane, cfg, work["u"])
     relative(lane, GOAL, cfg, r)
     passed = r[0] <= 1e-6 * moved[0]  # rounding must not cost a step
+    back = r[0] / moved[0] if passed else 0.0  # to the plane, along the last displacement
+    lane["flight_time"] += (1.0 + back) * cfg["dt"]
+    lane["cost_time"] = (1.0 + back) * cfg["s_time"] * cfg["dt"]
     if passed or lane["step"] >= longest(cfg):
-        back = r[0] / moved[0] if passed else 0.0  # to the plane, along the last displacement
         ahead, y, z = (0.0 if passed else r[0]), r[1] - back * moved[1], r[2] - back * moved[2]
         miss = math.sqrt(ahead * ahead + y * y + z * z)
         lane["miss_distance"] = miss
@@ -235,7 +241,7 @@ def score(lane, cfg, work):
         elif passed:
             lane["outcome"] = SUCCESS if miss <= cfg["success_radius"] else MISS
     lane["total_cost"] += lane["cost_control"] + lane["cost_violation"]
-    lane["total_cost"] += lane["cost_divergence"] + lane["cost_miss"]
+    lane["total_cost"] += lane["cost_divergence"] + lane["cost_miss"] + lane["cost_time"]
 
 
 @kernel
@@ -385,11 +391,12 @@ TASK = Task(
     views={"belief": OBSERVATION, "told": TOLD_TOO, "cones": CONE_TOO},
     pictures={"pixels": Frames("visenvs.envs._avoidance_images:frames", "frame", 2)},
     action=ACTION,
-    costs=("cost_control", "cost_violation", "cost_divergence", "cost_miss"),
+    costs=("cost_control", "cost_violation", "cost_divergence", "cost_miss", "cost_time"),
     metrics={
         "total_cost": "m^2/s^3",
         "control_cost": "m^2/s^3",
         "miss_distance": "m",
+        "flight_time": "s",
         "min_separation": "",
         "violations": "",
         "ghosts": "",

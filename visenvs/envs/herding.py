@@ -4,7 +4,8 @@ The robots drive about by themselves and reverse every 20 s. An aircraft lands i
 that its bumper turns it about, or touches its top, so that it turns by 45 degrees. What there is to
 choose is a service of a robot, so one step lasts as long as an aircraft is busy: a decision every
 0.5 s on the way, none while it comes down, waits for the bump and climbs. What the aircraft knows
-of the robots is what its camera sees of them, or the truth.
+of the robots is what its camera sees of them, drawn as points or found in rendered pictures, or the
+truth; of itself, the truth or what it navigates by (`_herding_images`, `_herding_navigation`).
 
 North is the goal line. The cost is minus the mission's score, counted from the best that there is:
 nothing lost is nothing paid.
@@ -13,6 +14,7 @@ nothing lost is nothing paid.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -20,14 +22,14 @@ from numpy.typing import NDArray
 
 from visenvs.core.compile import kernel
 from visenvs.core.lanes import Task
-from visenvs.core.layout import Choices, Row
+from visenvs.core.layout import Choices, Frames, Row
 from visenvs.core.noise import uniform
 from visenvs.core.outcome import RUNNING
 from visenvs.dynamics.arena import settle
 from visenvs.dynamics.ground_robot import ACTIVE, CIRCLES, ROBOTS, drive_all
 from visenvs.dynamics.kinematic_arena import crowded, touch
-from visenvs.envs._herding_aircraft import CRUISE, choose, fly, obey
-from visenvs.envs._herding_belief import begin_belief, describe, sense
+from visenvs.envs._herding_aircraft import CRUISE, choose, fly, obey, true_place
+from visenvs.envs._herding_belief import begin_belief, describe, looks, sense
 from visenvs.envs._herding_config import KINEMATIC, SCENARIOS, VELOCITY
 from visenvs.envs._herding_layout import LANE, OBSERVATION, VELOCITY_ACTION, WORK
 from visenvs.envs._herding_rules import cross_lines, feel_touches, hit_poles, judge, share
@@ -37,6 +39,8 @@ ENV_ID = "visenvs/Herding-v0"
 
 START = 2  # noise stream: rotation of the start
 LONGEST = 60.0  # that a step can last, s
+OVER, CONTACTS, PICTURES = 0, 1, 2  # what a step waits for (`run_team`)
+Sensing = Callable[[NDArray[Any], int, Any, Any], None]
 
 
 @kernel
@@ -51,7 +55,7 @@ def move_all(team, pads, cfg, work):
             fly(team[m], pads, m, cfg, work)
     for m in range(team.shape[0]):
         lane = team[m]
-        pads[m, 0], pads[m, 1] = lane["r_V_N"][0], lane["r_V_N"][1]
+        pads[m, 0], pads[m, 1] = true_place(lane, 0), true_place(lane, 1)
         pads[m, 2] = 1.0 if lane["height"] < cfg["solid_height"] else 0.0
     drive_all(team[0], cfg)
 
@@ -112,34 +116,39 @@ def end_step(team, cfg, work):
 
 @kernel
 def run_team(team, actions, pads, near, progress, cfg, work):
-    """One step of one arena; False when it is over, True to have contacts settled by pymunk.
+    """One step of one arena; OVER when it is, else what has to be done outside of kernels.
 
-    After that it is called again, and goes on in the middle of the tick where it has stopped.
+    CONTACTS are settled by pymunk, PICTURES are taken. After that it is called again, and goes on
+    in the middle of the tick where it has stopped.
 
     Args:
         team, actions: records and actions of the aircraft that share the arena.
         pads: receives place and solidity of each, (aircraft, 3); see `kinematic_arena.touch`.
         near: receives 1 for the circles that are in contact, (CIRCLES,).
-        progress: ticks, aircraft that have been free, and whether contacts have been settled; zero
-            at the beginning of a step, (3,).
+        progress: ticks, aircraft that have been free, and what has just been done outside; zero at
+            the beginning of a step, (3,).
     """
-    settled = progress[2] != 0
-    if not settled:
+    done = progress[2]
+    if done == OVER:
         progress[1] = begin_step(team, actions, cfg)
-    while settled or not step_over(team, progress[0], progress[1], cfg):
-        if not settled:
+    while done != OVER or not step_over(team, progress[0], progress[1], cfg):
+        if done == OVER:
             move_all(team, pads, cfg, work)
             if crowded(team[0], pads, near, cfg):
                 if cfg["arena"] != KINEMATIC:
-                    progress[2] = 1
-                    return True
+                    progress[2] = CONTACTS
+                    return CONTACTS
                 touch(team[0], pads, cfg)
-        settled = False
-        settle_all(team, cfg, work)
+        if done != PICTURES:
+            settle_all(team, cfg, work)
+            if looks(team[0], cfg):
+                progress[2] = PICTURES
+                return PICTURES
+        done = OVER
         progress[0] += 1
         progress[1] = min(progress[1], free(team, cfg))
     end_step(team, cfg, work)
-    return False
+    return OVER
 
 
 @kernel
@@ -185,8 +194,10 @@ def reset_lanes(lanes, config):
         reset_team(lanes[i : i + size], cfg, work)
 
 
-def step_lanes(lanes: NDArray[Any], actions: Row, config: NDArray[Any]) -> None:
-    """Advance every team that is running."""
+def step_lanes(
+    lanes: NDArray[Any], actions: Row, config: NDArray[Any], sense: Sensing | None = None
+) -> None:
+    """Advance every team that is running; `sense` takes a team's pictures, that of lane i on."""
     work, cfg = np.zeros(1, WORK)[0], config[0]
     size = int(cfg["aircraft"])
     pads, near, progress = np.zeros((size, 3)), np.zeros(CIRCLES, np.int64), np.zeros(3, np.int64)
@@ -194,8 +205,25 @@ def step_lanes(lanes: NDArray[Any], actions: Row, config: NDArray[Any]) -> None:
         team, chosen = lanes[i : i + size], actions[i : i + size]
         if team["outcome"][0] == RUNNING:
             progress[:] = 0
-            while run_team(team, chosen, pads, near, progress, cfg, work):
-                settle(team[0], pads, near, cfg)
+            while asked := run_team(team, chosen, pads, near, progress, cfg, work):
+                if asked == CONTACTS:
+                    settle(team[0], pads, near, cfg)
+                elif sense is not None:
+                    sense(team, i, cfg, work)
+
+
+def reset_seeing(lanes: NDArray[Any], config: NDArray[Any]) -> None:
+    """Start every team given, with a filter for the aircraft's own place if that is asked for."""
+    from visenvs.envs import _herding_images as images
+
+    images.reset(lanes, config, reset_lanes)
+
+
+def step_seeing(lanes: NDArray[Any], actions: Row, config: NDArray[Any]) -> None:
+    """Advance every team that is running, with a look at rendered pictures."""
+    from visenvs.envs import _herding_images as images
+
+    images.step(lanes, actions, config, step_lanes)
 
 
 TASK = Task(
@@ -204,6 +232,8 @@ TASK = Task(
     scenarios=SCENARIOS,
     lane=LANE,
     observation=OBSERVATION,
+    views={"belief": OBSERVATION},
+    pictures={"pixels": Frames("visenvs.envs._herding_images:frames", "frame")},
     action=Choices(CHOICES, "allowed", first=1, apiece=PER_ROBOT),
     modes={"velocity": VELOCITY_ACTION},
     team=lambda config: config.aircraft,
@@ -223,6 +253,8 @@ TASK = Task(
     },
     reset_lanes=reset_lanes,
     step_lanes=step_lanes,
+    perceptions={"images": (reset_seeing, step_seeing)},
+    records={"vio": "visenvs.envs._herding_navigation:NAVIGATING"},
     picture="visenvs.render.herding:draw",
     reference="index",
     episodes=100,

@@ -76,6 +76,7 @@ def work_dtype(slots: int = 10) -> np.dtype[Any]:
     return np.dtype(
         [
             ("filter", mmae.SCRATCH),
+            ("turned", "f8", (rows, 2)),
             ("ztest", "f8", (rows, slots)),
             ("choice", "i8", (rows,)),
             ("assign", "f8", assign_scratch(rows, slots)),
@@ -107,7 +108,8 @@ def step(bank, seen, count, pose, dt, cfg, work):
     Args:
         seen: places found (north, east), m, (rows, 2), of which `count` are in use.
         pose: of the camera, (4,), as of `ground_camera`.
-        cfg, work: settings, and a record of `work_dtype`.
+        cfg, work: settings, and a record of `work_dtype`; work["turned"], (rows, 2), holds the
+            heading found (rad) with each place and its variance, 0 for none.
     """
     bank["t"] += dt
     bank["picture"] += 1.0
@@ -119,7 +121,7 @@ def step(bank, seen, count, pose, dt, cfg, work):
     for i in range(count):
         j = work["choice"][i]
         if j >= 0:
-            absorb(bank, j, seen[i], variance, cfg, work["filter"])
+            absorb(bank, j, seen[i], variance, work["turned"][i], cfg, work["filter"])
     follow(bank, seen, count, work["choice"])
     settle(bank, variance, cfg, work)
     for j in range(bank["status"].shape[0]):

@@ -1,7 +1,8 @@
 """Two filters of one ground robot, one for each way it moves, and how probable each is (IARC III).
 
 State of each: north, east (m), heading (rad), (3,). STRAIGHT is (27), SPIN is (28); the robot's
-place is measured. Row 0 of `x` (2, 3) and `P` (2, 3, 3) is STRAIGHT, row 1 SPIN.
+place is measured, and, where a picture shows it, its heading. Row 0 of `x` (2, 3) and `P` (2, 3, 3)
+is STRAIGHT, row 1 SPIN.
 
 The paper's models never tell each other anything, so that after a spin STRAIGHT has still the old
 heading and has to turn it about by its residuals, and the heading of SPIN, of which its
@@ -29,6 +30,7 @@ LEAST = 0.01  # probability that a mode keeps at least
 QUIET = 0.2  # probability of a spin below which none is on its way
 ONSET = 0.2  # how long a spin has lasted when it is found, s
 PARTED = 0.03  # how far the loser may lag behind, m
+TURNED_GATE = 11.8  # squared residual in deviations up to which a heading is believed
 NEVER = -1.0  # `spun` of a robot that goes straight
 
 SCRATCH = np.dtype(
@@ -101,8 +103,45 @@ def update(x, P, p_spin, place, variance, least, most, scratch):
     log = scratch["log"]
     for mode in range(2):
         log[mode] = update_place(x[mode], P[mode], place, variance, scratch)
-    odds = (1.0 - p_spin) / p_spin * math.exp(min(log[STRAIGHT] - log[SPIN], 50.0))
+    return weigh(p_spin, log[STRAIGHT] - log[SPIN], least, most)
+
+
+@kernel
+def weigh(p_spin, log_ratio, least, most):
+    """Probability of a spin after a measurement whose log likelihoods differ so, STRAIGHT's first.
+
+    least, most: where it is kept within.
+    """
+    odds = (1.0 - p_spin) / p_spin * math.exp(min(log_ratio, 50.0))
     return min(max(1.0 / (1.0 + odds), least), most)
+
+
+@kernel
+def update_heading(x, P, p_spin, heading, variance, least, most):
+    """Use a measured heading (rad) in both models, in place; returns the probability of a spin.
+
+    One that fits neither model is taken for a mistake and changes nothing.
+    """
+    off, other = wrap_angle(heading - x[STRAIGHT, 2]), wrap_angle(heading - x[SPIN, 2])
+    S, T = P[STRAIGHT, 2, 2] + variance, P[SPIN, 2, 2] + variance
+    nis, nis_spin = off * off / S, other * other / T
+    if min(nis, nis_spin) > TURNED_GATE:
+        return p_spin
+    for mode in range(2):
+        residual, total = (off, S) if mode == STRAIGHT else (other, T)
+        a, b, c = P[mode, 0, 2], P[mode, 1, 2], P[mode, 2, 2]
+        for i in range(3):
+            gain = P[mode, i, 2] / total
+            x[mode, i] += gain * residual
+        P[mode, 0, 0] -= a * a / total
+        P[mode, 1, 1] -= b * b / total
+        P[mode, 0, 1] -= a * b / total
+        P[mode, 0, 2] -= a * c / total
+        P[mode, 1, 2] -= b * c / total
+        P[mode, 2, 2] = c * variance / total
+        P[mode, 1, 0], P[mode, 2, 0], P[mode, 2, 1] = P[mode, 0, 1], P[mode, 0, 2], P[mode, 1, 2]
+        x[mode, 2] = wrap_angle(x[mode, 2])
+    return weigh(p_spin, 0.5 * (math.log(T / S) - nis + nis_spin), least, most)
 
 
 @kernel

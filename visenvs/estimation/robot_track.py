@@ -91,13 +91,18 @@ def fit(bank, j, place, variance):
 
 
 @kernel
-def absorb(bank, j, place, variance, cfg, scratch):
-    """Use a finding for track j, and what it tells of spins and of the clock."""
+def absorb(bank, j, place, variance, turned, cfg, scratch):
+    """Use a finding for track j, and what it tells of spins and of the clock.
+
+    turned: heading found (rad) and its variance, 0 for none, (2,).
+    """
     x, P = bank["x"][j], bank["P"][j]
     bank["age"][j] = 0.0
     spun = bank["spun"][j]
     least, most = mmae.LEAST, 1.0 - mmae.LEAST
     p_spin = mmae.update(x, P, bank["p_spin"][j], place, variance, least, most, scratch)
+    if turned[1] > 0.0:
+        p_spin = mmae.update_heading(x, P, p_spin, turned[0], turned[1], least, most)
     bank["p_spin"][j], bank["spun"][j] = p_spin, mmae.hand_over(x, P, p_spin, spun)
     if spun < 0.0 <= bank["spun"][j]:
         robot_clock.note_spin(bank, j, cfg)

@@ -25,6 +25,7 @@ import numpy as np
 from visenvs.core.compile import kernel
 from visenvs.core.config import require, validate
 
+SHARE_V, SHARE_A = 0.98, 0.99  # of the limits that a plan may use, since it goes a little beyond
 LEAST_RATE = 1e-3  # learning rate below which no improvement is to be had
 
 
@@ -42,8 +43,8 @@ class DDPConfig:
     s_r: float = 2000.0  # weight of the position at the end, 1/s^3, and
     s_v: float = 200.0  # of the velocity, 1/s
     rho: float = 200.0  # weight of the penalty
-    v_max: float = 0.98 * 2.13  # m/s; what the plan leaves of the limits in section V,
-    a_max: float = 0.99 * 3.05  # m/s^2: the penalty lets a little through
+    v_max: float = SHARE_V * 2.13  # m/s; the limits in section V, less
+    a_max: float = SHARE_A * 3.05  # m/s^2: what the penalty lets through
     deepest: float = 0.1  # largest down coordinate, m: under the floor, where landings aim
 
     def __post_init__(self) -> None:

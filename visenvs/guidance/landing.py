@@ -64,7 +64,8 @@ def begin(landing, x, place, heading, speed, most, cfg):
 def land(landing, x, place, heading, speed, cfg, tape):
     """Plan the rest of the landing; tape.u[0] is what to fly now. Counts the time to go down.
 
-    Args: as of `begin`; tape: a `ddp.Tape`, kept from call to call for its first guess.
+    Args: as of `begin`, or with speed 0 where the robot will be at the end; tape: a `ddp.Tape`,
+    kept from call to call for its first guess.
     """
     aim, fresh = landing["aim"], landing["fresh"]
     n = max(round(landing["t_go"] / cfg["dt"]), 1)

@@ -25,6 +25,7 @@ def lacking(law: Law, task: Task, config: Config) -> list[str]:
     """What a law needs and the environment does not give; empty where it can fly."""
     absent = [name for name in law.needs if name not in task.observation.names]
     absent += [name for name in law.settings if name not in field_types(type(config))]
+    absent += [f"{name} > 0" for name in law.positive if getattr(config, name, None) == 0]
     absent += ["rows instead of pictures"] if task.frames is not None else []
     if isinstance(task.action, Choices):
         absent += ["continuous actions"] if law.limit else []

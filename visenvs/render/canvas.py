@@ -101,9 +101,7 @@ class Panel:
 
     def show(self, frame: Image, low: ArrayLike, high: ArrayLike) -> None:
         """Draw a picture between its lower left and upper right corner, (right, up)."""
-        (left, bottom), (right, top) = np.rint(self.pixels(np.array([low, high], float))).astype(
-            int
-        )
+        (left, bottom), (right, top) = np.rint(self.pixels(np.array((low, high)))).astype(int)
         shown = cv2.resize(frame, (right - left, bottom - top), interpolation=cv2.INTER_AREA)
         x, y = max(left, 0), max(top, 0)
         part = self.view[y : max(bottom, 0), x : max(right, 0)]

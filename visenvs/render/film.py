@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Callable, Iterator, Sequence
 from importlib import import_module
@@ -20,6 +21,8 @@ FPS = 25.0  # at most so many pictures a second; a faster film leaves steps out
 HOLD = 1.5  # how long a video rests on the end of the episode, s
 COLOURS = 255  # in a GIF, which keeps one of its 256 for "as before"
 CRF = 20  # H.264's constant rate factor: lower is finer
+SHOTS, SHOT = 60, 0.1  # pictures of a clip, and how long each is shown, s
+CLIP_WIDTH, CLIP_QUALITY = 480, 60  # pixels; WebP's quality of 100
 
 Frame = NDArray[np.uint8]
 
@@ -126,6 +129,37 @@ def write_gif(path: Path, film: Film, fps: float) -> None:
     reduced(film[0]).save(
         path, format="GIF", save_all=True, append_images=rest, duration=durations, loop=0
     )
+
+
+def clip(records: NDArray[Any], task: Task, config: Config) -> bytes:
+    """A small moving picture of a whole episode in six seconds, an animated WebP of about 200 kB.
+
+    Args:
+        records: of the episode, from `fly`.
+        task, config: what was flown.
+    """
+    from PIL import Image
+
+    last = len(records) - 1
+    steps = sorted({round(k * last / (SHOTS - 1)) for k in range(SHOTS)})
+    film = Film(records, task, config, steps)
+    height, width = film[0].shape[:2]
+    size = CLIP_WIDTH, round(CLIP_WIDTH * height / width)
+
+    def reduced(frame: Frame) -> Image.Image:
+        return Image.fromarray(frame).resize(size, Image.Resampling.BOX)
+
+    out = io.BytesIO()
+    reduced(film[0]).save(
+        out,
+        format="WEBP",
+        save_all=True,
+        append_images=(reduced(film[i]) for i in range(1, len(film))),
+        duration=[round(1000 * SHOT)] * (len(film) - 1) + [round(1000 * HOLD)],
+        loop=0,
+        quality=CLIP_QUALITY,
+    )
+    return out.getvalue()
 
 
 def write_mp4(path: Path, film: Film, fps: float) -> None:

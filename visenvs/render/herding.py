@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +13,7 @@ from visenvs.core.lanes import Task
 from visenvs.core.outcome import RUNNING, Outcome
 from visenvs.dynamics.ground_robot import ACTIVE, ROBOTS
 from visenvs.envs._herding_config import HerdingConfig
+from visenvs.envs._herding_images import camera, picture
 from visenvs.guidance.choices import GO, HOVER, LOOK
 from visenvs.guidance.interception import TAP
 from visenvs.render import style
@@ -125,16 +127,20 @@ def draw_arena(image: Image, record: np.void, config: HerdingConfig, path: Point
 
 
 def draw_camera(image: Image, record: np.void, config: HerdingConfig) -> None:
-    """Draw the picture of the camera: true robots in view, and what is tracked there."""
+    """Draw the picture of the camera, or the true robots in view, and what is tracked there."""
     view = footprint(record, config)
     width = max(float(view[1, 0] - view[0, 0]), 1e-3)
     (here,) = above(record["r_V_N"])
     panel = Panel(image, *CAMERA, (float(here[0]), float(here[1])), CAMERA[2] / width)
     panel.clear(style.WHITE)
-    places = above(record["r_R_N"])
-    for k in np.flatnonzero(record["fate"] == ACTIVE):
-        colour = style.VERMILLION if k < ROBOTS else style.INK
-        panel.disc(places[k], config.robot_radius * panel.scale, colour, 2)
+    if config.perception == "images":
+        frame = picture(record, record, camera(vars(config)))
+        panel.view[:] = cv2.resize(frame, CAMERA[2:], interpolation=cv2.INTER_AREA)
+    else:
+        places = above(record["r_R_N"])
+        for k in np.flatnonzero(record["fate"] == ACTIVE):
+            colour = style.VERMILLION if k < ROBOTS else style.INK
+            panel.disc(places[k], config.robot_radius * panel.scale, colour, 2)
     for i, at, way, sd in tracks(record):
         panel.line(panel.ellipse(at, np.eye(2) * sd**2, SIGMAS), style.BLUE, 1, closed=True)
         panel.reticle(at, style.BLUE, 1)

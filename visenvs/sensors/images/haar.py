@@ -31,6 +31,7 @@ SLACK = 1e-5  # by which OpenCV lowers a stage's threshold
 STEP = 2  # from window to window, pixels of the resized picture
 RATIO = 1.07  # from one size to the next
 TOLERANCE = 0.2  # a window is tried where its size is off by no more than this part
+LEAST_SIZE, MOST_SIZE = 0.66 * SIDE, 8.0 * SIDE  # of the windows tried, pixels
 SPREAD = 0.1  # sizes beyond the least and largest expected, in parts
 VOTES = 2  # windows that must agree
 MOST = 4000  # hits of one size at most
@@ -168,7 +169,7 @@ def _ladder(sizes: SizeWindow | tuple[float, float], region: Region) -> Values:
         low, high = float(expected.min()) / (1 + SPREAD), float(expected.max()) * (1 + SPREAD)
     else:
         low, high = sizes
-    low, high = max(low, 0.66 * SIDE), min(high, 8.0 * SIDE)
+    low, high = max(low, LEAST_SIZE), min(high, MOST_SIZE)
     if not low <= high:
         return np.empty(0)
     steps = max(math.ceil(math.log(high / low) / math.log(RATIO)), 1)

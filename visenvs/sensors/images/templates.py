@@ -31,7 +31,7 @@ class Match:
 
     Attributes:
         pixel: of the middle of its top, (u, v).
-        heading: the best of those tried, rad.
+        heading: the best of those tried, rad, between its neighbours by a parabola.
         score: normalised correlation, at most 1.
     """
 
@@ -69,7 +69,7 @@ def detect(
         image: grey, (height, width).
         optics, C, r_V_N: the camera, its attitude C_CN (3, 3), and position, m, (3,).
         place: predicted, north and east, m.
-        headings: that are tried, rad.
+        headings: that are tried, rad, at equal distances.
         plate: colour code of `robots`.
         gate: how far from the prediction it may be, pixels.
     """
@@ -88,7 +88,7 @@ def detect(
     side = 2 * reach + 1
     if side < LEAST_SIZE or part.shape[0] < side or part.shape[1] < side:
         return None
-    best: Match | None = None
+    peaks: list[tuple[float, float, float]] = []
     view = view_from_above(plate)
     for heading in headings:
         warp = _homography(optics, C, r_V_N, place, heading)
@@ -96,12 +96,13 @@ def detect(
         patch = cv2.warpPerspective(
             view, warp, (side, side), flags=cv2.INTER_AREA, borderValue=FLOOR
         )
-        scores = cv2.matchTemplate(part, patch, cv2.TM_CCOEFF_NORMED)
-        score, x, y = _peak(scores)
-        if best is None or score > best.score:
-            at = float(pixel[0] - low[0] + left + x), float(pixel[1] - low[1] + upper + y)
-            best = Match(at, heading, score)
-    return best if best is not None and best.score >= LEAST_SCORE else None
+        peaks.append(_peak(cv2.matchTemplate(part, patch, cv2.TM_CCOEFF_NORMED)))
+    best = max(range(len(peaks)), key=lambda k: peaks[k][0])
+    score, x, y = peaks[best]
+    if score < LEAST_SCORE:
+        return None
+    at = float(pixel[0] - low[0] + left + x), float(pixel[1] - low[1] + upper + y)
+    return Match(at, _between(headings, [peak[0] for peak in peaks], best), score)
 
 
 def _homography(
@@ -124,7 +125,19 @@ def _peak(scores: Any) -> tuple[float, float, float]:
     out = [float(x), float(y)]
     for k, (dx, dy) in enumerate(((1, 0), (0, 1))):
         if 0 < (x, y)[k] < scores.shape[1 - k] - 1:
-            before, after = float(scores[y - dy, x - dx]), float(scores[y + dy, x + dx])
-            bend = before - 2.0 * score + after
-            out[k] += 0.5 * (before - after) / bend if bend < 0.0 else 0.0
+            out[k] += _top(float(scores[y - dy, x - dx]), score, float(scores[y + dy, x + dx]))
     return float(score), out[0], out[1]
+
+
+def _between(headings: Sequence[float], scores: Sequence[float], best: int) -> float:
+    """The heading at the top of the parabola through the best score and its neighbours', rad."""
+    if not 0 < best < len(scores) - 1:
+        return float(headings[best])
+    step = headings[best + 1] - headings[best]
+    return float(headings[best] + step * _top(*scores[best - 1 : best + 2]))
+
+
+def _top(before: float, middle: float, after: float) -> float:
+    """Where the parabola through three values is highest, in steps from the middle one."""
+    bend = before - 2.0 * middle + after
+    return 0.5 * (before - after) / bend if bend < 0.0 else 0.0
