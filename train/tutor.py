@@ -79,7 +79,7 @@ def learn_from_truth(
 
 
 def fit(
-    policy: Any, optimiser: torch.optim.Optimizer, rows: Any, wanted: Any, batch: int = BATCH = BATCH
+    policy: Any, optimiser: torch.optim.Optimizer, rows: Any, wanted: Any, batch: int = BATCH
 ) -> None:
     """One pass over rows (n, k) and wanted means (n, size) in random order."""
     order = torch.randperm(len(rows))
