@@ -142,7 +142,8 @@ def match(view: View, expected: Expected, gate: float) -> Finding | None:
     if plate is None:
         return None
     sd = expected.heading_deviation
-    headings = expected.heading + (FINE if sd < SURE else BROAD if sd < VAGUE else COARSE)
+    around = FINE if sd < SURE else BROAD if sd < VAGUE else COARSE
+    headings = [expected.heading + float(turn) for turn in around]
     camera = view.grey, view.optics, view.C, view.r_V_N
     found = templates.detect(*camera, expected.place, headings, plate, min(gate, MOST))
     if found is None or plate_of(view, found.pixel) != plate:
