@@ -297,3 +297,16 @@ def test_a_wrong_option_is_one_line_before_anything_flies(made_up, wrong, words,
     assert (captured.out, captured.err.count("\n")) == ("", 1)
     assert words in captured.err
     assert made_up == [] and list(tmp_path.iterdir()) == []
+
+
+def test_cases_on_pictures_add_their_rows(made_up, monkeypatch, tmp_path):
+    reproduce.cases()["good"].image_rows = lambda episodes: [Row("made-up/images", None, 1.0, 0, 1)]
+    asked = Options(cases=("good", "drawn"), episodes=2, images=True, json=tmp_path / "rows.json")
+    assert guarded(lambda: main(asked)) == 0
+    rows = json.loads((tmp_path / "rows.json").read_text())["rows"]
+    assert "made-up/images" in [row["id"] for row in rows]
+
+
+def test_pictures_where_there_are_none_are_an_error(made_up, capsys):
+    assert guarded(lambda: main(Options(cases=("drawn",), images=True))) == 1
+    assert "none of drawn is flown on rendered pictures" in capsys.readouterr().err

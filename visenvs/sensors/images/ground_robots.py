@@ -142,8 +142,8 @@ def match(view: View, expected: Expected, gate: float) -> Finding | None:
     if plate is None:
         return None
     sd = expected.heading_deviation
-    about = FINE if sd < SURE else BROAD if sd < VAGUE else COARSE
-    headings = [float(expected.heading + off) for off in about]
+    around = FINE if sd < SURE else BROAD if sd < VAGUE else COARSE
+    headings = [expected.heading + float(turn) for turn in around]
     camera = view.grey, view.optics, view.C, view.r_V_N
     found = templates.detect(*camera, expected.place, headings, plate, min(gate, MOST))
     if found is None or plate_of(view, found.pixel) != plate:
