@@ -25,7 +25,7 @@ from visenvs.core.loop import write_rows
 
 from .vec_env import LaneVecEnv
 
-RATE = 1e-3
+BATCH, RATE = 2048, 1e-3
 FIELDS = ("leader", "v_V_N", "heading", "tracking_error", "offset_F", "offset_rate")
 SETTINGS = ("s_r", "a_max")
 TEACHER = "dgg-open"  # of those who see pictures
@@ -38,7 +38,7 @@ def learn_from_truth(
     teacher: Teacher,
     rounds: int,
     steps: int = 600,
-    batch: int = 2048,
+    batch: int = BATCH,
     keep: int = 6,
     watch: Callable[[int], None] = lambda _steps: None,
 ) -> int:
@@ -78,7 +78,9 @@ def learn_from_truth(
     return rounds * steps * lanes.num_envs
 
 
-def fit(policy: Any, optimiser: torch.optim.Optimizer, rows: Any, wanted: Any, batch: int) -> None:
+def fit(
+    policy: Any, optimiser: torch.optim.Optimizer, rows: Any, wanted: Any, batch: int = BATCH
+) -> None:
     """One pass over rows (n, k) and wanted means (n, size) in random order."""
     order = torch.randperm(len(rows))
     targets = torch.as_tensor(wanted)

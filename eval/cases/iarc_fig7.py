@@ -74,7 +74,7 @@ def rows(episodes: int) -> list[Row]:
         at = f"restart/threshold=-{threshold:g}"
         low, high = wilson(float(success(flown).mean()), episodes)
         covering += low <= PAPER <= high
-        out.append(row(f"{at}/success", success(flown), PAPER, low=0.08, high=0.46))
+        out.append(row(f"{at}/success", success(flown), PAPER, low=0.11, high=0.42))
         out += [row(f"{at}/{count}", flown[count]) for count in COUNTS]
     out.append(
         Row(f"{CASE}/restart/thresholds_covering", None, covering, 0.0, len(THRESHOLDS), low=1)

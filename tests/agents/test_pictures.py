@@ -42,7 +42,7 @@ def folder(tmp_path_factory):
 def test_the_card_says_what_it_sees_and_how_it_learnt(folder):
     card = json.loads((folder / "card.json").read_text())
     assert (card["information"], card["policy"]["pictures"]) == ("pixels", 64)
-    assert [point[0] for point in card["curve"]][0] == 0
+    assert card["curve"][0][0] == 0
     assert (folder / "model.zip").stat().st_size < 1e6
 
 
@@ -64,7 +64,7 @@ def test_pictures_of_another_size_are_refused(folder):
         ValueError, match=r"make no network|pictures \(48, 48, 6\), .* \(64, 64, 6\)"
     ):
         load_network(folder / "model.zip", other)
-    with pytest.raises(ValueError, match="train with `python -m train.sb3"):
+    with pytest.raises(ValueError, match=r"train with `python -m train\.sb3"):
         load_network(folder / "model.zip", TASK)
 
 

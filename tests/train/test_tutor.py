@@ -99,7 +99,7 @@ def test_a_network_comes_closer_to_its_teacher():
 
 
 def test_who_sees_pictures_learns_from_a_law_that_is_told_the_truth():
-    """Its rows are the ones of a law that flies with perfect information, whatever the lanes see."""
+    """Its rows are those of a law that flies with perfect information, whatever lanes see."""
     task = load_task("visenvs/Avoidance-v0")
     told = override(task.scenarios["random"], {"estimator": "truth"})
     seeing = override(told, {"observation": "pixels"})

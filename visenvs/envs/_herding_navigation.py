@@ -35,6 +35,7 @@ TOLD = 2.0  # times the IMU's noise is what the filter is told
 BIASES = (0.04, 0.003)  # standard deviations at the start, m/s^2 and rad/s
 LEVEL, STILL = np.eye(3), np.zeros(3)
 SIGMA_HEIGHT = 0.02  # of the altimeter, m
+SIGMA_CORNER = 1.5  # of a corner, as told, pixels: some are of another one nearby
 LOWEST = 0.4  # height from which corners are made out, m
 MASKED = 1.3  # radii of a robot in which no corner is looked for
 
@@ -83,7 +84,7 @@ def start(own: NDArray[Any], optics: Optics, C_CB: NDArray[Any], tick: float, st
 @cache
 def told(optics: Optics, tick: float) -> NDArray[Any]:
     """What the filter is told of IMU, camera and altimeter."""
-    out = settings(optics, tick / SAMPLES)
+    out = settings(optics, tick / SAMPLES, SIGMA_CORNER)
     out["sigma_height"] = SIGMA_HEIGHT
     return out
 

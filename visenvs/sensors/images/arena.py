@@ -85,9 +85,12 @@ class Arena:
         return frame
 
     def _level(self, optics: Optics, C: Values, altitude: float) -> int:
-        """The copy whose texels are at most about as large as the pixels in the middle."""
+        """The copy whose texels are about as large as the pixels in the middle.
+
+        Larger pixels than texels would make corners of the floor jump from picture to picture.
+        """
         texels = TEXELS * altitude / (optics.focal * max(C[0, 2], 0.25))
-        return int(min(max(math.log2(max(texels, 1.0)), 0.0), LEVELS - 1))
+        return min(round(math.log2(max(texels, 1.0))), LEVELS - 1)
 
 
 @cache
