@@ -73,7 +73,8 @@ def run(options: Options) -> None:
     best = {**validate(model, validation), "steps": len(rows)}
     options.out.mkdir(parents=True, exist_ok=True)
     model.save(options.out / "model.zip")
-    told = {"best": best, "config": to_json(config), **provenance("train.clone")}
+    curve = [[len(rows), best["cost_mean"], best["cost_median"]]]
+    told = {"best": best, "curve": curve, "config": to_json(config), **provenance("train.clone")}
     card = sb3.card(made, task, scenario, preset, told) | {"dataset": options.dataset}
     write_json(options.out / "card.json", card)
     reached = f"mean cost {best['cost_mean']:.4g}, success {best['success_rate']:.3f}"
