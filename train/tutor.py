@@ -22,6 +22,7 @@ from visenvs.core.compile import kernel
 from visenvs.core.config import Config, field_types, override, to_record
 from visenvs.core.lanes import Task, as_floats
 from visenvs.core.loop import write_rows
+from visenvs.guidance.policy import NotApplicable
 
 from .vec_env import LaneVecEnv
 
@@ -118,7 +119,10 @@ def teacher_of(task: Task, config: Config) -> Teacher:
     Where pictures are observed, what the task's law commands that knows all.
     """
     if task.frames is not None:
-        return Told(task, config)
+        try:
+            return Told(task, config)
+        except NotApplicable as error:
+            raise ValueError(f"no tutor for pictures of {task.id}; leave --tutor out") from error
     known = set(task.lane.names or ()), set(field_types(type(config)))
     if not set(FIELDS) <= known[0] or not set(SETTINGS) <= known[1]:
         raise ValueError(f"there is no tutor for {task.id}; leave --tutor out")

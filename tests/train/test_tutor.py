@@ -63,6 +63,13 @@ def test_there_is_no_tutor_where_no_place_is_to_be_kept():
         teacher_of(CART, next(iter(CART.scenarios.values())))
 
 
+def test_there_is_no_tutor_for_pictures_that_no_law_fits():
+    herding = load_task("visenvs/Herding-v0")
+    seeing = override(herding.scenarios["firmware"], {"observation": "pixels"})
+    with pytest.raises(ValueError, match="pictures of visenvs/Herding-v0; leave --tutor out"):
+        teacher_of(herding.under(seeing), seeing)
+
+
 def test_a_correction_makes_the_wanted_action_come_out():
     law = registry.load_law("follow", TASK, CONFIG)
     lanes = LaneVecEnv(TASK, CONFIG, range(8), Residual(law, 0.3))
