@@ -45,6 +45,8 @@ def rows(episodes: int) -> list[Row]:
             at, red = f"{CASE}/{colour}/{name}", colour == "red"
             least = 0.99 if red and name in FOUND else None
             out.append(mean(f"{at}/registered", found, None, least))
+            if not len(errors):
+                continue
             wrong = np.abs(errors) > WRONG
             out.append(mean(f"{at}/wrong", wrong))
             right = errors[~wrong]

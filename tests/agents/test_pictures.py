@@ -14,6 +14,8 @@ from visenvs.core.config import override
 from visenvs.core.lanes import Lanes
 from visenvs.core.registry import load_task
 
+pytestmark = pytest.mark.filterwarnings("ignore::tqdm.TqdmExperimentalWarning")
+
 ID = "visenvs/Avoidance-v0"
 TASK = load_task(ID)
 CONFIG = TASK.scenarios["random"]
@@ -52,7 +54,8 @@ def test_it_flies_as_its_network_says_and_trusts_nobody(folder):
     lanes = Lanes(TASK, entry.config, 2)
     lanes.reset([5, 6])
     actions, state = entry.policy.predict(lanes.rows)
-    again, _ = load_network(folder / "model.zip", lanes.task, trust=True).predict(lanes.rows)
+    trusted = load_network(folder / "model.zip", lanes.task, trust=True)
+    again, _ = trusted.predict(lanes.rows, deterministic=True)
     assert state is None
     assert np.array_equal(actions, np.clip(again, -1.0, 1.0))
     lanes.step(actions)
@@ -60,9 +63,7 @@ def test_it_flies_as_its_network_says_and_trusts_nobody(folder):
 
 def test_pictures_of_another_size_are_refused(folder):
     other = TASK.under(override(CONFIG, {"observation": "pixels", "frame": 64}))
-    with pytest.raises(
-        ValueError, match=r"make no network|pictures \(48, 48, 6\), .* \(64, 64, 6\)"
-    ):
+    with pytest.raises(ValueError, match=r"the weights do not fit ppo on visenvs/Avoidance-v0"):
         load_network(folder / "model.zip", other)
     with pytest.raises(ValueError, match=r"train with `python -m train\.sb3"):
         load_network(folder / "model.zip", TASK)

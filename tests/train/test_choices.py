@@ -66,7 +66,8 @@ class Towards:
 def test_imitation_ends_in_the_laws_own_choices_where_the_network_flies():
     task = load_task(STAIRS)
     lanes = LaneVecEnv(task, task.scenarios["plain"], range(16))
-    model = MaskablePPO("MlpPolicy", lanes, policy_kwargs={"net_arch": [32]}, seed=0, device="cpu")
+    wide = {"net_arch": [64, 64]}
+    model = MaskablePPO("MlpPolicy", lanes, policy_kwargs=wide, seed=0, device="cpu")
     assert imitate(model.policy, lanes, Towards(), 40_000) > 0.98
     seen = lanes.reset()
     mask = lanes.lanes.allowed

@@ -174,7 +174,10 @@ class FormationConfig:
             vision=0 <= self.vision[0] <= self.vision[1],
             score_from=self.score_from >= 0,
         )
-        check_segment(self.sigma_image, self.meander_weight, self.meander_segment)
+        try:
+            check_segment(self.sigma_image, self.meander_weight, self.meander_segment)
+        except ValueError as error:
+            raise ValueError(f"FormationConfig.meander_segment: {error}") from None
         if self.perception == "images" and max(self.view) > WIDEST:
             raise ValueError(
                 f"view={self.view}: a rendered picture is of one plane, at most {WIDEST:g} rad to "

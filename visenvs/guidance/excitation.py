@@ -42,14 +42,14 @@ def check_segment(sigma: float, weight: float, duration: float) -> float:
         weight: K of the acceleration, s^2.
         duration: T, s.
     """
-    if not (sigma > 0 and weight > 0 and duration > 0):
+    if not (sigma > 0 and duration > 0 and sigma * weight > 0):
         raise ValueError(
             "an optimal path needs sigma, weight and duration above 0, "
             f"got {sigma}, {weight} and {duration}"
         )
     w = 1.0 / math.sqrt(sigma * weight)
     if not w * duration < CONJUGATE:
-        least = (duration / CONJUGATE) ** 2 / sigma
+        least = duration / CONJUGATE * (duration / CONJUGATE) / sigma
         raise ValueError(
             f"beyond its conjugate point a path has no least cost: omega T must be below "
             f"{CONJUGATE:.4f}, got {w:.4g} rad/s x {duration:g} s = {w * duration:.4g}; "
