@@ -302,6 +302,11 @@ def _rebuild(arch: Architecture, weights: dict[str, Any], task: Task, path: Path
     layer = FIRST_LAYER[arch.algo]
     size = int(weights[layer if layer in weights else LINEAR].shape[1])
     if arch.pictures:
+        if task.frames is None:
+            raise ValueError(
+                f"{path} reads pictures, {task.id} gives {task.observation.size} numbers; write "
+                f"observation='pixels', or train with `python -m train.sb3 --env {task.id}`"
+            )
         kwargs |= picture_network(arch.pictures)
     elif arch.sets and any(field.each > 1 for field in task.observation.fields):
         kwargs |= set_network(task.observation, arch.sets)
