@@ -139,7 +139,12 @@ def train(options: Options, preset: Preset | None = None) -> None:
         run["cpu_seconds"] += cpu
         run["frames_per_second"] = (model.num_timesteps - before) / max(wall, 1e-9)
         write_json(options.out / "run.json", run)
-    best = keeper.best or {}
+    report(run, options, task)
+
+
+def report(run: dict[str, Any], options: Options, task: Task) -> None:
+    """Say what the best model reached, and how to compare it."""
+    best = run["best"] or {}
     print(
         f"best of {run['steps']:,} steps: mean cost {best['cost_mean']:.4g}, "
         f"success {best['success_rate']:.3f}"

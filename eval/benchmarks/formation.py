@@ -150,23 +150,21 @@ def begin(problem, track):
 
 def with_polar(problems: RECORDS, settings: RECORDS) -> Side:
     """All problems once, in one compiled loop."""
-    tracks, scratch = np.zeros(len(problems), polar.TRACK), np.zeros(1, polar.SCRATCH)
-    belief = np.zeros(1, BELIEF)
-
-    def portion() -> int:
-        run_polar(problems, settings, tracks, belief, scratch)
-        return len(problems)
-
-    return portion, tracks
+    return in_one_loop(run_polar, polar, problems, settings)
 
 
 def with_ukf(problems: RECORDS, settings: RECORDS) -> Side:
     """All problems once, in one compiled loop."""
-    tracks, scratch = np.zeros(len(problems), cartesian.TRACK), np.zeros(1, cartesian.SCRATCH)
+    return in_one_loop(run_ukf, cartesian, problems, settings)
+
+
+def in_one_loop(run: Any, estimator: Any, problems: RECORDS, settings: RECORDS) -> Side:
+    """All problems once in a compiled loop over an estimator's tracks."""
+    tracks, scratch = np.zeros(len(problems), estimator.TRACK), np.zeros(1, estimator.SCRATCH)
     belief = np.zeros(1, BELIEF)
 
     def portion() -> int:
-        run_ukf(problems, settings, tracks, belief, scratch)
+        run(problems, settings, tracks, belief, scratch)
         return len(problems)
 
     return portion, tracks

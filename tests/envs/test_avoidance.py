@@ -557,8 +557,8 @@ def test_impossible_draws_are_refused(changes, message):
 @pytest.mark.kernel
 def test_a_way_that_is_open_is_flown():
     """The same spheres with room above them, or for a vehicle that can stop, are accepted."""
-    override(AvoidanceConfig(), {**ONE, **CLOSED, "a_max": 20.0})
-    override(AvoidanceConfig(), {**ONE, **CLOSED, "a_max": 2.0, "lateral": 0})
+    assert override(AvoidanceConfig(), {**ONE, **CLOSED, "a_max": 20.0}).a_max == 20.0
+    assert override(AvoidanceConfig(), {**ONE, **CLOSED, "a_max": 2.0, "lateral": 0}).a_max == 2.0
 
 
 # Golden episodes: a change of dynamics, noise, filter, prior or cost shows here. If it is meant,

@@ -180,8 +180,8 @@ class FormationConfig:
             raise ValueError(f"FormationConfig.meander_segment: {error}") from None
         if self.perception == "images" and max(self.view) > WIDEST:
             raise ValueError(
-                f"view={self.view}: a rendered picture is of one plane, at most {WIDEST:g} rad to "
-                "each side; write `view=(0.52, 0.39)`"
+                f"FormationConfig.view={self.view}: a rendered picture is of one plane, at most "
+                f"{WIDEST:g} rad to each side; write `view=(0.52, 0.39)`"
             )
 
 

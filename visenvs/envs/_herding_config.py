@@ -123,7 +123,7 @@ class HerdingConfig:
             _require_camera(self)
         if self.navigation == "vio" and (self.perception, self.estimator) != ("images", "camera"):
             raise ValueError(
-                f"navigation='vio' with perception={self.perception!r}, "
+                f"HerdingConfig.navigation='vio' with perception={self.perception!r}, "
                 f"estimator={self.estimator!r}: its landmarks are corners of rendered pictures; "
                 "write `navigation='vio', perception='images', estimator='camera'`"
             )
@@ -153,13 +153,13 @@ def _require_camera(config: HerdingConfig) -> None:
 
     if config.side != SIDE:
         raise ValueError(
-            f"side={config.side:g}: rendered pictures are of an arena of {SIDE:g} m; "
+            f"HerdingConfig.side={config.side:g}: rendered pictures are of an arena of {SIDE:g} m; "
             f"write `side={SIDE}`"
         )
     half = 0.5 * PIXELS * WINDOW / (LEAST_SIZE * (config.cruise - HEIGHT))
     if config.perception == "images" and math.tan(0.5 * config.fov) > half:
         raise ValueError(
-            f"fov={config.fov:.3g}, cruise={config.cruise:g}: a robot is found from "
+            f"HerdingConfig.fov={config.fov:.3g}, cruise={config.cruise:g}: a robot is found from "
             f"{LEAST_SIZE:.0f} pixels on, {PIXELS:.0f} across; "
             f"write `fov={math.floor(200.0 * math.atan(half)) / 100.0}` or fly lower"
         )
