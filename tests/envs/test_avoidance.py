@@ -15,7 +15,7 @@ from visenvs.core.registry import laws, load_task
 from visenvs.core.units import FOOT
 from visenvs.envs._avoidance_config import AvoidanceConfig, K
 from visenvs.envs._avoidance_scenarios import SCENARIOS
-from visenvs.envs._obstacles import IMAGE
+from visenvs.envs._avoidance_sightings import IMAGE
 
 TASK = load_task("visenvs/Avoidance-v0")
 SEEDS = 2000
