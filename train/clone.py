@@ -28,6 +28,7 @@ from .minari_export import library
 from .presets import preset_for
 from .tutor import fit
 
+BATCH = 2048
 RATE = 1e-3  # falls linearly to a twentieth
 
 
@@ -116,7 +117,7 @@ def learn(
     for k in range(passes):
         for group in optimiser.param_groups:
             group["lr"] = RATE * max(1.0 - k / passes, 0.05)
-        fit(policy, optimiser, rows, actions)
+        fit(policy, optimiser, rows, actions, BATCH)
 
 
 if __name__ == "__main__":

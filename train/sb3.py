@@ -173,7 +173,7 @@ def begin_with_tutor(
         model.num_timesteps = keeper.num_timesteps = steps
         keeper.watch()
 
-    learn_from_truth(model, lanes, teacher, rounds, *preset.tutoring, watch)
+    learn_from_truth(model, lanes, teacher, rounds, preset.tutoring, watch)
     keeper.keep()
 
 
