@@ -18,7 +18,8 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.utils import set_random_seed
 
 from agents import registry
-from agents.learned import choice_network, digest, picture_network, read_card, set_network
+from agents.card import digest, read_card
+from agents.networks import choice_network, picture_network, set_network
 from agents.residual import Reading, Residual, Scale
 from visenvs.core.cli import launch
 from visenvs.core.config import Config, override, pick, to_json

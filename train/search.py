@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from stable_baselines3 import PPO
 
 from agents import registry
-from agents.learned import digest
+from agents.card import digest
 from agents.residual import Reading, Residual
 from visenvs.core.cli import launch
 from visenvs.core.config import pick

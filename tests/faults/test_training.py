@@ -8,7 +8,8 @@ import zipfile
 
 import pytest
 
-from agents.learned import load_network, read_card
+from agents.card import read_card
+from agents.loading import load_network
 from tests.faults.conftest import FULL
 from visenvs.core.registry import load_task
 

@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agents.learned import digest, load_network
+from agents.card import digest
+from agents.loading import load_network
 from agents.registry import load
 from eval.rollout import PUBLIC_SEEDS, rollout
 from train import sb3
