@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from agents.learned import load_network
+from agents.loading import load_network
 from agents.registry import load
 from train import sb3
 from train.presets import PICTURES, PRESETS, Tutoring, preset_for
