@@ -29,6 +29,8 @@ RED, GREEN = (200.0, 30.0, 30.0), (40.0, 190.0, 60.0)
 BEACON = 4.0  # radius of the beacon at the waypoint, m: seen half of the way off
 MATCH = 1.0  # a ball is an obstacle's if its centre is nearer than so many radii, and 3 pixels
 
+ALIKE = math.log(1.5)  # and if it is not larger or smaller than this
+
 SIGHTED = np.dtype(
     [
         ("count", "i8"),
@@ -104,8 +106,10 @@ def _tell(lane: np.void, balls: list[Ball], cfg: Any, optics: Optics, out: np.vo
             continue
         k = int(out["count"])
         gaps = np.where(free, np.hypot(*(places - ball.point).T), math.inf)
-        j = int(np.argmin(gaps))
-        known = gaps[j] < MATCH * sizes[j] + 3.0 / optics.focal
+        scale = np.abs(np.log(ball.depth(1.0) * radii / ahead))  # of its size to what it should be
+        fits = free & (gaps < MATCH * sizes + 3.0 / optics.focal) & (scale < ALIKE)
+        j = int(np.argmin(np.where(fits, gaps / sizes + 3.0 * scale, math.inf)))
+        known = bool(fits[j])
         free[j] &= not known
         out["seen"][k], out["labels"][k] = ball.point, j if known else NOBODY
         # how large the balls are is known, also of what is none
