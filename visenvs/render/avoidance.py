@@ -101,9 +101,11 @@ def windows(image: Image, first: np.void, config: AvoidanceConfig) -> tuple[Pane
     return Panel(image, *TOP_VIEW, above, scale), Panel(image, *SIDE_VIEW, beside, scale)
 
 
-def tracks(record: np.void) -> list[tuple[Points, Points, float]]:
+def tracks(record: np.void, config: AvoidanceConfig) -> list[tuple[Points, Points, float]]:
     """What the row tells: estimates relative to the vehicle (3,), covariances (3, 3), radii."""
     out: list[tuple[Points, Points, float]] = []
+    if config.observation == "pixels":
+        return out
     for k in np.flatnonzero(record["valid_O"] == 1.0):
         L = np.zeros((3, 3))
         L[np.tril_indices(3)] = record["chol_OV"][k]
@@ -124,7 +126,7 @@ def draw_plane(
         path: positions flown in N, shape (n, 3).
     """
     vehicle, velocity = rows @ record["r_V_N"], rows @ record["v_V_N"]
-    found = [(vehicle + rows @ r, rows @ P @ rows.T, d) for r, P, d in tracks(record)]
+    found = [(vehicle + rows @ r, rows @ P @ rows.T, d) for r, P, d in tracks(record, config)]
     waypoint = rows @ np.array(config.waypoint)
     panel.clear()
     for point, radius in obstacles(record):
@@ -165,9 +167,13 @@ def draw_camera(image: Image, record: np.void, config: AvoidanceConfig) -> None:
     pixels, C = image_points(record, config), np.empty((3, 3))
     attitude(record["q_V"], C)
     panel.clear(style.WHITE if len(pixels) else style.GRID)
+    if config.observation == "pixels":
+        show_picture(panel, record, config, config.frame)
+        close_camera(panel, True, f"±{math.degrees(math.atan(shown)):.0f}°")
+        return
     if config.perception == "images":
-        show_picture(panel, record, config)
-    for r, P, _ in tracks(record):
+        show_picture(panel, record, config, config.picture)
+    for r, P, _ in tracks(record, config):
         if rotate(C, r)[0] > config.min_range:
             point, spread = predicted_point(C, r, P, config.min_range)
             if config.perception == "points":
@@ -200,12 +206,12 @@ def draw_horizon(panel: Panel, C: Points) -> None:
     style.write(panel.view, tilt, (5, panel.height - 7), 12, style.GREY)
 
 
-def show_picture(panel: Panel, record: np.void, config: AvoidanceConfig) -> None:
-    """Draw the picture that the detector read."""
+def show_picture(panel: Panel, record: np.void, config: AvoidanceConfig, side: int) -> None:
+    """Draw the picture that the detector or the policy read, so many pixels wide."""
     from visenvs.envs._avoidance_images import picture
 
     half = config.half_width * np.ones(2)
-    panel.show(picture(record, to_record(config)[0], config.picture), -half, half)
+    panel.show(picture(record, to_record(config)[0], side), -half, half)
 
 
 def image_points(record: np.void, config: AvoidanceConfig) -> Points:
@@ -228,7 +234,7 @@ def draw_status(image: Image, record: np.void, config: AvoidanceConfig) -> None:
             f"{figures(separation)} radii",
             style.VERMILLION if inside else style.INK,
         ),
-        ("obstacles tracked", f"{len(tracks(record))}", style.BLUE),
+        ("obstacles tracked", f"{len(tracks(record, config))}", style.BLUE),
         ("cost so far", f"{figures(float(record['total_cost']))} m²/s³", style.INK),
     )
     draw_figures(image, rows, record, config.waypoint[0] / config.velocity[0], STATUS)
