@@ -13,7 +13,8 @@ import numpy as np
 
 from visenvs.core.compile import kernel
 from visenvs.estimation import lines
-from visenvs.estimation.line_matching import NEW, associate, foresee
+from visenvs.estimation.association import assign_scratch
+from visenvs.estimation.line_matching import NEW, OPTIONS, associate, foresee
 from visenvs.estimation.lines import (
     PRINTED,
     SCRATCH,
@@ -62,6 +63,15 @@ def work_dtype(slots: int, segments: int) -> np.dtype[Any]:
             ("along", "f8", (slots, 2)),  # and variances along it
             ("touched", "f8", (slots,)),
             ("choice", "i8", (segments,)),
+            ("options", "i8", (segments,)),  # lines that it may be of
+            ("option", "i8", (segments, OPTIONS)),
+            ("value", "f8", (segments, OPTIONS)),  # and their z-test values
+            ("holders", "i8", (slots,)),  # segments that a line is the best for
+            ("row", "i8", (segments,)),  # those to be assigned together
+            ("marked", "i8", (segments,)),  # whether it is one of them
+            ("ztest", "f8", (segments, slots)),
+            ("picked", "i8", (segments,)),
+            ("assign", "f8", assign_scratch(segments, slots)),
             ("sum_x", "f8", (6,)),
             ("sum_P", "f8", (6, 6)),
         ]

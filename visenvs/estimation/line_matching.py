@@ -8,9 +8,11 @@ from __future__ import annotations
 import math
 
 from visenvs.core.compile import kernel
+from visenvs.estimation.association import assign
 from visenvs.estimation.lines import quadratic, sight, slopes
 
-NEW = -1  # choice beside the number of a line
+NEW, UNCLEAR = -1, -2  # choices beside the number of a line
+OPTIONS = 6  # lines that a segment may be of, the best ones
 OVERLAP = 0.3  # of the shorter one: what a segment and a line must share
 SLACK = 1.5  # deviations that they may share less
 LONE = 25.0  # an end inside its line counts no more than this: the rest may be hidden
@@ -61,17 +63,123 @@ def part_in_view(p, half_width):
 
 @kernel
 def associate(lines_map, seen, cut, count, cfg, work):
-    """Write work["choice"] of every segment: the line with the least z-test value, or NEW.
+    """Write work["choice"] of every segment: a line, NEW where none fits, or UNCLEAR.
 
-    Several segments may be of one line.
+    The z-test values of all segments together are least. Several may be of one line, its parts, but
+    an edge shows each of its points once: segments that overlap are of different lines. One that no
+    line is left for, or one worse than its best by more than ztest_max, is UNCLEAR: it is used for
+    nothing.
     """
     for i in range(count):
-        best, work["choice"][i] = math.inf, NEW
-        for j in range(lines_map["used"]):
-            if work["ahead"][j] > 0.0 and near_by(seen[i], j, cfg, work):
-                value = ztest(seen[i], cut[i], lines_map["closed"][j], j, cfg, work)
-                if value < best:
-                    best, work["choice"][i] = value, j
+        list_lines(lines_map, seen[i], cut[i], i, cfg, work)
+    rows = contested(seen, count, work)
+    if rows == 0:  # the least values of all have the least sum
+        return
+    rows = gather(count, rows, work)
+    values, picked = work["ztest"], work["picked"]
+    for r in range(rows):
+        write_row(count, work["row"][r], values[r], work)
+    assign(values, rows, cfg["ztest_max"], picked, work["assign"])
+    for r in range(rows):
+        work["choice"][work["row"][r]] = picked[r] if picked[r] >= 0 else UNCLEAR
+    for r in range(rows):
+        i = work["row"][r]
+        j = work["option"][i, 0]
+        if work["choice"][i] == UNCLEAR and not overlaps(seen, count, i, j, work):
+            work["choice"][i] = j
+
+
+@kernel
+def list_lines(lines_map, segment, cut, i, cfg, work):
+    """Write the lines that segment i may be of, at most OPTIONS, by their z-test values."""
+    option, values, found = work["option"][i], work["value"][i], 0
+    for j in range(lines_map["used"]):
+        if work["ahead"][j] > 0.0 and near_by(segment, j, cfg, work):
+            value = ztest(segment, cut, lines_map["closed"][j], j, cfg, work)
+            if value < math.inf:
+                k = found
+                while k > 0 and values[k - 1] > value:
+                    if k < OPTIONS:
+                        option[k], values[k] = option[k - 1], values[k - 1]
+                    k -= 1
+                if k < OPTIONS:
+                    option[k], values[k] = j, value
+                found = min(found + 1, OPTIONS)
+    work["options"][i] = found
+    work["choice"][i] = option[0] if found else NEW
+
+
+@kernel
+def extent(segment, j, work):
+    """Between which places along the image of line j a segment lies, focal lengths."""
+    p, u = work["p"][j], work["u"][j]
+    a = u[0] * (segment[0] - p[0]) + u[1] * (segment[1] - p[1])
+    b = u[0] * (segment[2] - p[0]) + u[1] * (segment[3] - p[1])
+    return min(a, b), max(a, b)
+
+
+@kernel
+def overlaps(seen, count, i, j, work):
+    """Whether another segment of line j shows a part of what segment i would show of it."""
+    a, b = extent(seen[i], j, work)
+    for k in range(count):
+        if k != i and work["choice"][k] == j:
+            c, d = extent(seen[k], j, work)
+            if min(b, d) - max(a, c) > OVERLAP * min(b - a, d - c):
+                return True
+    return False
+
+
+@kernel
+def contested(seen, count, work):
+    """Write into work["row"] the segments that overlap another one of their line; how many."""
+    rows = 0
+    for j in range(work["holders"].shape[0]):
+        work["holders"][j] = 0
+    for i in range(count):
+        work["marked"][i] = 0
+        if work["choice"][i] >= 0:
+            work["holders"][work["choice"][i]] += 1
+    for i in range(count):
+        j = work["choice"][i]
+        if j >= 0 and work["holders"][j] > 1 and overlaps(seen, count, i, j, work):
+            work["row"][rows], work["marked"][i] = i, 1
+            rows += 1
+    return rows
+
+
+@kernel
+def gather(count, rows, work):
+    """Add to work["row"] the segments whose line another one there may be of; how many there are.
+
+    Not the parts of one line: that is theirs.
+    """
+    row, r = work["row"], 0
+    while r < rows:
+        i = row[r]
+        for k in range(work["options"][i]):
+            j = work["option"][i, k]
+            for other in range(count):
+                if work["choice"][other] == j and work["marked"][other] == 0:
+                    if work["holders"][j] == 1:
+                        row[rows], work["marked"][other] = other, 1
+                        rows += 1
+        r += 1
+    return rows
+
+
+@kernel
+def write_row(count, i, values, work):
+    """Write by how much each line is worse for segment i than its best one; inf for those of parts."""
+    for j in range(values.shape[0]):
+        values[j] = math.inf
+    for k in range(work["options"][i]):
+        j = work["option"][i, k]
+        values[j] = work["value"][i, k] - work["value"][i, 0]
+    for other in range(count):
+        j = work["choice"][other]
+        if work["marked"][other] == 0 and j >= 0:
+            values[j] = math.inf
 
 
 @kernel
