@@ -134,15 +134,16 @@ def stretch(lines_map, j, C, r_V, segment, cut, cfg, work):
     turned, noise = in_order(out, segment, scratch["x"], s), cfg["sigma_image"]
     for i in range(2):
         k = 1 - i if turned else i
-        beyond, depth = (-s[0] if i == 0 else s[1] - 1.0) * out["length"], out["q"][i, 0]
-        gate = cfg["e_gate"] * math.sqrt(quadratic(P, out["along"][i]) + noise * noise)
+        beyond = (-s[0] if i == 0 else s[1] - 1.0) * out["length"]
+        gate = (1.0 if closed[j, i] == 0.0 else 1.5) * cfg["e_gate"] * math.sqrt(quadratic(P, out["along"][i]) + noise * noise)
         true_end[k] = 1.0 - cut[k]
         opened = closed[j, i] == 0.0
         ends_here = cut[k] == 0.0 and beyond > -gate
         moves = beyond > (0.0 if opened else gate) or (opened and ends_here)
         if moves and out["t"][i] == i:
             share = min(max(share_of(out["q"], s, i), -cfg["extend_max"]), 0.5)
-            slide(x, P, i, share, (noise * depth) ** 2, scratch["W"])
+            doubt = noise * spread_of(out["q"], s, i) / out["length"]
+            slide(x, P, i, share, doubt * doubt, scratch["W"])
             true_end[k] = 0.0  # it has been used
         if ends_here:
             closed[j, i] = 1.0
@@ -160,6 +161,20 @@ def share_of(q, s, i):
     depth = s[i] * q[0, 0] + (1.0 - s[i]) * q[1, 0]
     share = s[i] * q[0, 0] / depth if depth > 0.0 else s[i]
     return share if i == 0 else 1.0 - share
+
+
+@kernel
+def spread_of(q, s, i):
+    """How fast a place on a line moves along it with s[i], m: the further, the more end-on it is.
+
+    Args:
+        q, s: as for `share_of`.
+    """
+    depth, square = s[i] * q[0, 0] + (1.0 - s[i]) * q[1, 0], 0.0
+    for j in range(3):
+        square += (q[1, j] - q[0, j]) ** 2
+    slope = q[0, 0] * q[1, 0] / (depth * depth) if depth > 0.0 else 1.0
+    return math.sqrt(square) * slope
 
 
 @kernel

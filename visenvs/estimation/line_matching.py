@@ -66,27 +66,29 @@ def associate(lines_map, seen, cut, count, cfg, work):
     """Write work["choice"] of every segment: a line, NEW where none fits, or UNCLEAR.
 
     The z-test values of all segments together are least. Several may be of one line, its parts, but
-    an edge shows each of its points once: segments that overlap are of different lines. One that no
-    line is left for, or one worse than its best by more than ztest_max, is UNCLEAR: it is used for
-    nothing.
+    an edge shows each of its points once: segments that overlap are of different lines. One that
+    gets none, or only one that is worse than its best by more than ztest_max, is UNCLEAR: it may be
+    of a line that it fits, and is used for nothing.
     """
     for i in range(count):
         list_lines(lines_map, seen[i], cut[i], i, cfg, work)
     rows = contested(seen, count, work)
     if rows == 0:  # the least values of all have the least sum
         return
-    rows = gather(count, rows, work)
-    values, picked = work["ztest"], work["picked"]
+    rows = gather(seen, count, rows, work)
+    row, values, picked = work["row"], work["ztest"], work["picked"]
     for r in range(rows):
-        write_row(count, work["row"][r], values[r], work)
+        for j in range(values.shape[1]):
+            values[r, j] = math.inf
+        for k in range(work["options"][row[r]]):
+            worse = work["value"][row[r], k] - work["value"][row[r], 0]
+            values[r, work["option"][row[r], k]] = worse
     assign(values, rows, cfg["ztest_max"], picked, work["assign"])
     for r in range(rows):
-        work["choice"][work["row"][r]] = picked[r] if picked[r] >= 0 else UNCLEAR
+        work["choice"][row[r]] = picked[r] if picked[r] >= 0 else UNCLEAR
     for r in range(rows):
-        i = work["row"][r]
-        j = work["option"][i, 0]
-        if work["choice"][i] == UNCLEAR and not overlaps(seen, count, i, j, work):
-            work["choice"][i] = j
+        if picked[r] < 0:
+            join(seen, count, row[r], cfg, work)
 
 
 @kernel
@@ -119,14 +121,19 @@ def extent(segment, j, work):
 
 
 @kernel
-def overlaps(seen, count, i, j, work):
-    """Whether another segment of line j shows a part of what segment i would show of it."""
-    a, b = extent(seen[i], j, work)
-    for k in range(count):
-        if k != i and work["choice"][k] == j:
-            c, d = extent(seen[k], j, work)
-            if min(b, d) - max(a, c) > OVERLAP * min(b - a, d - c):
-                return True
+def overlap(one, other, j, work):
+    """Whether two segments would show the same part of line j."""
+    a, b = extent(one, j, work)
+    c, d = extent(other, j, work)
+    return min(b, d) - max(a, c) > OVERLAP * min(b - a, d - c)
+
+
+@kernel
+def crowded(seen, count, i, j, work):
+    """Whether segment i overlaps one that line j has been given."""
+    for other in range(count):
+        if other != i and work["choice"][other] == j and overlap(seen[i], seen[other], j, work):
+            return True
     return False
 
 
@@ -142,17 +149,17 @@ def contested(seen, count, work):
             work["holders"][work["choice"][i]] += 1
     for i in range(count):
         j = work["choice"][i]
-        if j >= 0 and work["holders"][j] > 1 and overlaps(seen, count, i, j, work):
+        if j >= 0 and work["holders"][j] > 1 and crowded(seen, count, i, j, work):
             work["row"][rows], work["marked"][i] = i, 1
             rows += 1
     return rows
 
 
 @kernel
-def gather(count, rows, work):
-    """Add to work["row"] the segments whose line another one there may be of; how many there are.
+def gather(seen, count, rows, work):
+    """Add to work["row"] all whose line another one there may be of, where they overlap; how many.
 
-    Not the parts of one line: that is theirs.
+    What is left out keeps its line whatever they get.
     """
     row, r = work["row"], 0
     while r < rows:
@@ -160,26 +167,22 @@ def gather(count, rows, work):
         for k in range(work["options"][i]):
             j = work["option"][i, k]
             for other in range(count):
-                if work["choice"][other] == j and work["marked"][other] == 0:
-                    if work["holders"][j] == 1:
-                        row[rows], work["marked"][other] = other, 1
-                        rows += 1
+                free = work["choice"][other] == j and work["marked"][other] == 0
+                if free and overlap(seen[i], seen[other], j, work):
+                    row[rows], work["marked"][other] = other, 1
+                    rows += 1
         r += 1
     return rows
 
 
 @kernel
-def write_row(count, i, values, work):
-    """Write by how much each line is worse for segment i than its best one; inf for those of parts."""
-    for j in range(values.shape[0]):
-        values[j] = math.inf
+def join(seen, count, i, cfg, work):
+    """Give segment i, which got no line for itself, the best one of which it can be another part."""
     for k in range(work["options"][i]):
-        j = work["option"][i, k]
-        values[j] = work["value"][i, k] - work["value"][i, 0]
-    for other in range(count):
-        j = work["choice"][other]
-        if work["marked"][other] == 0 and j >= 0:
-            values[j] = math.inf
+        j, worse = work["option"][i, k], work["value"][i, k] - work["value"][i, 0]
+        if worse <= cfg["ztest_max"] and not crowded(seen, count, i, j, work):
+            work["choice"][i] = j
+            return
 
 
 @kernel
