@@ -16,6 +16,7 @@ from visenvs.estimation import lines
 from visenvs.estimation.association import assign_scratch
 from visenvs.estimation.line_matching import NEW, OPTIONS, associate, foresee
 from visenvs.estimation.lines import (
+    FOUR,
     PRINTED,
     SCRATCH,
     begin,
@@ -135,11 +136,12 @@ def stretch(lines_map, j, C, r_V, segment, cut, cfg, work):
     for i in range(2):
         k = 1 - i if turned else i
         beyond = (-s[0] if i == 0 else s[1] - 1.0) * out["length"]
-        gate = (1.0 if closed[j, i] == 0.0 else 1.5) * cfg["e_gate"] * math.sqrt(quadratic(P, out["along"][i]) + noise * noise)
+        gate = cfg["e_gate"] * math.sqrt(quadratic(P, out["along"][i]) + noise * noise)
         true_end[k] = 1.0 - cut[k]
         opened = closed[j, i] == 0.0
         ends_here = cut[k] == 0.0 and beyond > -gate
-        moves = beyond > (0.0 if opened else gate) or (opened and ends_here)
+        longer = cfg["estimator"] == FOUR and beyond > gate
+        moves = beyond > 0.0 or ends_here if opened else longer
         if moves and out["t"][i] == i:
             share = min(max(share_of(out["q"], s, i), -cfg["extend_max"]), 0.5)
             doubt = noise * spread_of(out["q"], s, i) / out["length"]

@@ -81,9 +81,8 @@ def associate(lines_map, seen, cut, count, cfg, work):
         for j in range(values.shape[1]):
             values[r, j] = math.inf
         for k in range(work["options"][row[r]]):
-            worse = work["value"][row[r], k] - work["value"][row[r], 0]
-            values[r, work["option"][row[r], k]] = worse
-    assign(values, rows, cfg["ztest_max"], picked, work["assign"])
+            values[r, work["option"][row[r], k]] = work["value"][row[r], k]
+    assign(values, rows, cfg["ztest_max"] + 2.0 * LONE, picked, work["assign"])
     for r in range(rows):
         work["choice"][row[r]] = picked[r] if picked[r] >= 0 else UNCLEAR
     for r in range(rows):
@@ -179,8 +178,8 @@ def gather(seen, count, rows, work):
 def join(seen, count, i, cfg, work):
     """Give segment i, which got no line for itself, the best one of which it can be another part."""
     for k in range(work["options"][i]):
-        j, worse = work["option"][i, k], work["value"][i, k] - work["value"][i, 0]
-        if worse <= cfg["ztest_max"] and not crowded(seen, count, i, j, work):
+        j = work["option"][i, k]
+        if work["value"][i, k] <= cfg["ztest_max"] + 2.0 * LONE and not crowded(seen, count, i, j, work):
             work["choice"][i] = j
             return
 
