@@ -1,5 +1,7 @@
 """Which line of a map a segment in an image is of: z-test with log-determinant (thesis 2.4.1).
 
+The segments of an image that contend for lines are assigned together (`association.assign`).
+
 Settings: a record with near, half_width, min_length, sigma_image, ztest_max.
 """
 
@@ -12,7 +14,7 @@ from visenvs.estimation.association import assign
 from visenvs.estimation.lines import quadratic, sight, slopes
 
 NEW, UNCLEAR = -1, -2  # choices beside the number of a line
-OPTIONS = 6  # lines that a segment may be of, the best ones
+OPTIONS = 6  # the best lines of a segment, so many
 OVERLAP = 0.3  # of the shorter one: what a segment and a line must share
 SLACK = 1.5  # deviations that they may share less
 LONE = 25.0  # an end inside its line counts no more than this: the rest may be hidden
@@ -67,8 +69,9 @@ def associate(lines_map, seen, cut, count, cfg, work):
 
     The z-test values of all segments together are least. Several may be of one line, its parts, but
     an edge shows each of its points once: segments that overlap are of different lines. One that
-    gets none, or only one that is worse than its best by more than ztest_max, is UNCLEAR: it may be
-    of a line that it fits, and is used for nothing.
+    fits lines and gets none is UNCLEAR and used for nothing: to start a line from it would double
+    one more often than find one. Being left out costs as much as the worst value that is no matter
+    of a line's own uncertainty.
     """
     for i in range(count):
         list_lines(lines_map, seen[i], cut[i], i, cfg, work)
@@ -77,17 +80,18 @@ def associate(lines_map, seen, cut, count, cfg, work):
         return
     rows = gather(seen, count, rows, work)
     row, values, picked = work["row"], work["ztest"], work["picked"]
+    most = cfg["ztest_max"] + 2.0 * LONE
     for r in range(rows):
         for j in range(values.shape[1]):
             values[r, j] = math.inf
         for k in range(work["options"][row[r]]):
             values[r, work["option"][row[r], k]] = work["value"][row[r], k]
-    assign(values, rows, cfg["ztest_max"] + 2.0 * LONE, picked, work["assign"])
+    assign(values, rows, most, picked, work["assign"])
     for r in range(rows):
         work["choice"][row[r]] = picked[r] if picked[r] >= 0 else UNCLEAR
     for r in range(rows):
         if picked[r] < 0:
-            join(seen, count, row[r], cfg, work)
+            join(seen, count, row[r], most, work)
 
 
 @kernel
@@ -156,9 +160,9 @@ def contested(seen, count, work):
 
 @kernel
 def gather(seen, count, rows, work):
-    """Add to work["row"] all whose line another one there may be of, where they overlap; how many.
+    """Add to work["row"] whatever overlaps one of these on a line that both may be of; how many.
 
-    What is left out keeps its line whatever they get.
+    All others keep their lines, whatever these get.
     """
     row, r = work["row"], 0
     while r < rows:
@@ -175,11 +179,11 @@ def gather(seen, count, rows, work):
 
 
 @kernel
-def join(seen, count, i, cfg, work):
-    """Give segment i, which got no line for itself, the best one of which it can be another part."""
+def join(seen, count, i, most, work):
+    """Give segment i, which got no line for itself, the best one that it is a free part of."""
     for k in range(work["options"][i]):
         j = work["option"][i, k]
-        if work["value"][i, k] <= cfg["ztest_max"] + 2.0 * LONE and not crowded(seen, count, i, j, work):
+        if work["value"][i, k] <= most and not crowded(seen, count, i, j, work):
             work["choice"][i] = j
             return
 
