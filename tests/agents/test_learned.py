@@ -18,7 +18,9 @@ from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.torch_layers import FlattenExtractor
 from torch import nn
 
-from agents.learned import LearnedPolicy, digest, load_network, read_card
+from agents.card import digest, read_card
+from agents.learned import LearnedPolicy
+from agents.loading import load_network
 from agents.registry import load, shipped
 from agents.residual import Residual
 from eval.rollout import PUBLIC_SEEDS, rollout

@@ -25,7 +25,7 @@ EXPOSURE = FALSE + 1  # noise stream, after those of `_obstacles`
 LENS = Exposure()
 LEVEL = np.eye(3)
 RED, GREEN = (200.0, 30.0, 30.0), (40.0, 190.0, 60.0)
-BEACON = 1.5  # radius of the beacon at the waypoint, m
+BEACON = 4.0  # radius of the beacon at the waypoint, m: seen half of the way off
 MATCH = 1.0  # a ball is an obstacle's if its centre is nearer than so many radii, and 3 pixels
 
 SIGHTED = np.dtype(
