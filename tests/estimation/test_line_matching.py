@@ -1,4 +1,4 @@
-"""Segments of an image that contend for lines: assigned together, each part of an edge seen once."""
+"""Segments that contend for lines: assigned together, each part of an edge seen once."""
 
 import numpy as np
 import pytest
@@ -74,7 +74,7 @@ def scipys(values, alone):
 
 
 def test_the_best_of_all_assignments():
-    """Against scipy's: up to six lines in one another's way; the nearest line is often a wrong one."""
+    """Against scipy's: up to six lines in one another's way; often not the nearest one each."""
     rng, nearest = np.random.default_rng(0), 0
     for _ in range(60):
         n = rng.integers(2, 7)

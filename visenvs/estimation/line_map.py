@@ -125,8 +125,8 @@ def stretch(lines_map, j, C, r_V, segment, cut, cfg, work):
 
     An end of the segment that is not cut off closes an open end, which is moved there, in or out.
     Beyond a closed end a line is lengthened only where the segment tells that it was closed too
-    early: the rest was hidden. Noise alone tells so once in 30,000 ends, and distances d could never
-    take it back. A segment that ends within the line tells nothing of its end.
+    early: the rest was hidden. Noise alone tells so once in 30,000 ends, and distances d could
+    never take it back. A segment that ends within the line tells nothing of its end.
     """
     scratch, x, P, closed = work["line"], lines_map["x"][j], lines_map["P"][j], lines_map["closed"]
     out, s, true_end = scratch["sight"], scratch["s"], scratch["true_end"]
