@@ -8,10 +8,12 @@ import pytest
 
 from agents.loading import load_network
 from agents.registry import load
+from eval.rollout import PUBLIC_SEEDS, rollout
 from train import sb3
 from train.presets import PICTURES, PRESETS, Tutoring, preset_for
 from visenvs.core.config import override
 from visenvs.core.lanes import Lanes
+from visenvs.core.outcome import SUCCESS
 from visenvs.core.registry import load_task
 
 pytestmark = pytest.mark.filterwarnings("ignore::tqdm.TqdmExperimentalWarning")
@@ -73,3 +75,16 @@ def test_pictures_of_another_size_are_refused(folder):
 def test_presets_of_pictures_and_of_rows_differ():
     assert preset_for(ID, "ppo", pictures=True) is PICTURES[ID, "ppo"]
     assert preset_for(ID, "ppo") is PRESETS[ID, "ppo"]
+
+
+def test_what_ships_avoids_by_pixels_alone():
+    """Most flights succeed, where doing nothing and a network that has learnt nothing never do."""
+    coarse = override(CONFIG, {"dt": 0.2, "estimator": "truth"})
+    costs = {}
+    for name in ("ppo-pixels", "zero"):
+        entry = load(name, TASK, coarse)
+        flown = rollout(entry.policy, TASK, entry.config, PUBLIC_SEEDS[:40])
+        costs[name] = -flown.returns
+        wins = np.mean(flown.records["outcome"] == SUCCESS)
+        assert wins >= 0.9 if name == "ppo-pixels" else wins == 0.0
+    assert np.median(costs["ppo-pixels"]) < 0.02 * np.median(costs["zero"])

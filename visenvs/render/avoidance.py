@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visenvs.core.config import to_record
+from visenvs.core.frames import rotate
 from visenvs.core.lanes import Task
 from visenvs.core.pinhole import project
+from visenvs.dynamics.quadrotor import attitude
 from visenvs.envs.avoidance import AvoidanceConfig
 from visenvs.render import legend, style
 from visenvs.render.canvas import Panel, Points
@@ -160,12 +162,13 @@ def draw_camera(image: Image, record: np.void, config: AvoidanceConfig) -> None:
     """Draw what the camera sees: safety spheres, what was measured, and what was expected."""
     shown = min(config.half_width, WIDEST)
     panel = Panel(image, *CAMERA, (0.0, 0.0), CAMERA[2] / 2 / shown)
-    pixels, C = image_points(record, config), np.eye(3)
+    pixels, C = image_points(record, config), np.empty((3, 3))
+    attitude(record["q_V"], C)
     panel.clear(style.WHITE if len(pixels) else style.GRID)
     if config.perception == "images":
         show_picture(panel, record, config)
     for r, P, _ in tracks(record):
-        if r[0] > config.min_range:
+        if rotate(C, r)[0] > config.min_range:
             point, spread = predicted_point(C, r, P, config.min_range)
             if config.perception == "points":
                 panel.fill(panel.ellipse(point, spread, 3.0), style.PALE_BLUE)
@@ -176,10 +179,25 @@ def draw_camera(image: Image, record: np.void, config: AvoidanceConfig) -> None:
         if depth > config.min_range:
             panel.disc((y, -z), radius / depth * panel.scale, style.VERMILLION, 1)
             panel.disc((y, -z), 2.5, style.VERMILLION)
+    if config.dynamics == "quadrotor":
+        draw_horizon(panel, C)
     for pixel in pixels:
         panel.cross(pixel, style.INK)
         panel.pointer(pixel, style.INK)
     close_camera(panel, len(pixels) > 0, f"±{math.degrees(math.atan(shown)):.0f}°")
+
+
+def draw_horizon(panel: Panel, C: Points) -> None:
+    """Draw where a tilted camera C_CN sees the horizon, (1, y, z) C d = 0, and write the tilt."""
+    ahead, normal = C[0, 2], C[1:, 2] * (1.0, -1.0)  # d is down in N; (right, up)
+    square = float(normal @ normal)
+    if square > 1e-6:
+        along = np.array([-normal[1], normal[0]]) / math.sqrt(square)
+        reach = 2.0 * panel.width / panel.scale
+        middle = -ahead / square * normal
+        panel.line([middle - reach * along, middle + reach * along], style.GREEN, 1)
+    tilt = f"tilt {math.degrees(math.acos(min(max(C[2, 2], -1.0), 1.0))):.0f}°"
+    style.write(panel.view, tilt, (5, panel.height - 7), 12, style.GREY)
 
 
 def show_picture(panel: Panel, record: np.void, config: AvoidanceConfig) -> None:
