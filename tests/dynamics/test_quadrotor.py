@@ -63,6 +63,19 @@ def test_thrust_acts_along_the_axis_and_takes_time_to_turn():
     assert lane["a_V_N"][0] == pytest.approx(command[0], rel=0.05)
 
 
+def test_what_it_turns_through_is_not_pushed_at_with_the_full_force():
+    """Of a force F at an angle e from the axis F cos e is given: the distance to F is least."""
+    lane, cfg, scratch = hovering()
+    cfg["substeps"], command, C = 1, np.array([4.0, 0.0, 0.0]), np.empty((3, 3))
+    force = np.array([4.0, 0.0, -GRAVITY])
+    for _ in range(5):
+        fly(lane, command, 0.0, cfg, scratch)
+        attitude(lane["q_V"], C)
+        given = lane["a_V_N"] - [0.0, 0.0, GRAVITY]
+        assert (given - force) @ C[2] == pytest.approx(0.0, abs=1e-12)
+        assert np.linalg.norm(np.cross(given, C[2])) < 1e-12
+
+
 def test_the_wanted_attitude_is_a_rotation_whose_thrust_is_the_command():
     command, C = np.array([1.0, -2.0, 0.7]), np.empty((3, 3))
     thrust = tilt_for(command, 0.4, C)

@@ -89,7 +89,9 @@ def fly(lane, command, heading, cfg, scratch):
 
     The attitude error is the rotation vector from the attitude to the wanted one, to first order;
     angular acceleration = bandwidth^2 error - 2 damping bandwidth omega, which is integrated in
-    `substeps` parts. What is reached in the air is the thrust along the axis, and gravity.
+    `substeps` parts. The thrust is the wanted force's part along the axis as it is, so that nothing
+    pushes where nobody wants it to while it turns (Lee, Leok and McClamroch 2010, "Geometric
+    tracking control of a quadrotor UAV on SE(3)"). What is reached is that, and gravity.
 
     Args:
         lane: record with r_V_N, v_V_N, a_V_N (what was reached, mean over the step), q_V (4,),
@@ -118,8 +120,9 @@ def fly(lane, command, heading, cfg, scratch):
             omega[i] = min(max(omega[i], -cfg["rate_max"]), cfg["rate_max"])
         turn(q, omega, h)
         attitude(q, C)
+        along = wanted[2, 0] * C[2, 0] + wanted[2, 1] * C[2, 1] + wanted[2, 2] * C[2, 2]
         for i in range(3):
-            a = -thrust * C[2, i] + (GRAVITY if i == 2 else 0.0)
+            a = -thrust * max(along, 0.0) * C[2, i] + (GRAVITY if i == 2 else 0.0)
             r[i] += h * (v[i] + 0.5 * h * a)
             v[i] += h * a
             lane["a_V_N"][i] += a / n
