@@ -11,7 +11,7 @@ from visenvs.envs._herding_config import HerdingConfig
 from visenvs.estimation import herd, robot_clock
 from visenvs.estimation.herd import FINISHED, NONE, TRACKED
 from visenvs.estimation.mmae import NEVER
-from visenvs.sensors.ground_camera import in_view, pixel_size
+from visenvs.sensors.ground_camera import in_view, mount, pixel_size
 
 pytestmark = pytest.mark.kernel
 
@@ -25,11 +25,13 @@ def settings(**changes):
 class Scene:
     """Robots that drive straight and reverse every 20 s, a camera, and a bank."""
 
-    def __init__(self, r, headings, pose=(0.0, 0.0, -3.0, 0.0), seed=0, **changes):
+    def __init__(self, r, headings, place=(0.0, 0.0, -3.0), seed=0, **changes):
         self.cfg, self.rng = settings(**changes), np.random.default_rng(seed)
         self.r, self.headings = np.array(r, float), np.array(headings, float)
         self.there, self.left = np.ones(len(r), bool), np.zeros(len(r))
-        self.pose, self.t, self.extra = np.array(pose), 0.0, []
+        self.pose, self.t, self.extra = np.zeros((4, 3)), 0.0, []
+        self.pose[0] = place
+        mount(np.eye(3), self.pose)
         self.bank = np.zeros(1, herd.bank_dtype())[0]  # one size: each would be compiled anew
         self.work = np.zeros(1, herd.work_dtype())[0]
         herd.start(self.bank)
