@@ -3,7 +3,8 @@
 A point mass has the acceleration that it is asked for, and comes down and climbs at one speed. A
 quadrotor is asked for accelerations in all directions, of a_max together at most, and reaches them
 by tilting (`dynamics.quadrotor`) with its forward axis north; its camera tilts with it. It does not
-slow down before the floor, and stands where it meets it: level and at rest.
+slow down before the floor, and stands where it meets it: level and at rest. Where both ask for
+much, level flight goes first: an aircraft that begins to sink still has to brake.
 
 Its control knows velocity, height and attitude as they are. What it knows of its place is off by
 `off_N`, which no flight changes.
@@ -26,9 +27,9 @@ from visenvs.dynamics.lander import (
     sink_acceleration,
     steer,
 )
-from visenvs.dynamics.point_mass import saturate
 from visenvs.envs._herding_config import QUADROTOR, SUBSTEPS
 
+UPRIGHT = 0.5  # share of a_max that up and down have in any case
 LACKING = 0.1  # height below cruise at which a climb is over, m
 KEPT = [
     ("q_V", "f8", (4,)), ("omega_V", "f8", (3,)),  # attitude C_BN and body rates, rad/s
@@ -92,7 +93,7 @@ def tilt(lane, height, cfg, work):
 def obey(lane, cfg, work):
     """Obey work["command"] (N, m/s^2) for one tick, as well as a quadrotor can."""
     n, r, v, a = int(cfg["substeps"]), work["r_V_N"], work["v_V_N"], lane["a_V_N"]
-    saturate(work["command"], cfg["a_max"], work["command"])
+    limit(work["command"], cfg["a_max"])
     take_off(lane, cfg, work)
     a[0] = a[1] = 0.0
     for k in range(n):
@@ -109,6 +110,16 @@ def obey(lane, cfg, work):
     for i in range(2):
         lane["r_V_N"][i], lane["v_V_N"][i] = r[i], v[i]
     lane["q_V"][:], lane["omega_V"][:] = work["q_V"], work["omega_V"]
+
+
+@kernel
+def limit(command, most):
+    """Shorten an acceleration (3,) to a length, level flight first, in place."""
+    level = math.hypot(command[0], command[1])
+    left = max(math.sqrt(max(most * most - level * level, 0.0)), UPRIGHT * most)
+    command[2] = min(max(command[2], -left), left)
+    gain = min(math.sqrt(most * most - command[2] * command[2]) / max(level, 1e-9), 1.0)
+    command[0], command[1] = gain * command[0], gain * command[1]
 
 
 @kernel
