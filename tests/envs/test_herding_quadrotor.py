@@ -11,11 +11,8 @@ from visenvs.core.frames import wrap_angle
 from visenvs.core.lanes import Lanes
 from visenvs.core.registry import load_task
 from visenvs.dynamics.ground_robot import ROBOTS
-from visenvs.dynamics.kinematic_arena import CIRCLES, crowded, touch
 from visenvs.dynamics.quadrotor import attitude, turn
 from visenvs.envs._herding_images import camera, fleet, picture, take
-from visenvs.envs._herding_layout import WORK
-from visenvs.envs.herding import begin_step, move_all, settle_all
 from visenvs.estimation.robot_track import TRACKED
 from visenvs.guidance.choices import CHOICES, FIRST_PLACE
 from visenvs.render.herding import footprint
@@ -34,30 +31,29 @@ def lanes_of(count=1, **changes):
     return lanes
 
 
-def ticks(lanes, name, count):
-    """Records after every tick of one aircraft that chooses the same whenever it is free."""
-    cfg, work, team = to_record(lanes.config)[0], np.zeros(1, WORK)[0], lanes.records
-    pads, near = np.zeros((1, 3)), np.zeros(CIRCLES, np.int64)
-    action, out = np.array([[float(CHOICES.index(name))]]), []
-    for _ in range(count):
-        if team["stage"][0] == CRUISE:
-            begin_step(team, action, cfg)
-        move_all(team, pads, cfg, work)
-        if crowded(team[0], pads, near, cfg):
-            touch(team[0], pads, cfg)
-        settle_all(team, cfg, work)
-        out.append(team.copy()[0])
-    return np.array(out)
+def alone(tick=0.05, **changes):
+    """One robot in the middle that drives north, known and never swerving, and two aircraft.
 
-
-def alone(**changes):
-    """One robot in the middle that drives north, known and never swerving."""
-    lanes = lanes_of(**(TRUTH | ALONE | changes))
+    The second one hovers far away: while one is free a step lasts a tick.
+    """
+    pace = {"aircraft": 2, "tick": tick, "dt": tick}
+    lanes = lanes_of(2, **(TRUTH | ALONE | pace | changes))
     start = lanes.snapshot()
     start["r_R_N"][0, 0], start["heading"][0, 0] = (0.0, 0.0), 0.0
+    start["r_V_N"] = start["aim_N"] = (0.0, 0.0), (-9.0, -9.0)
     lanes.restore(start)
     ticks(lanes, "hover", 1)
     return lanes
+
+
+def ticks(lanes, name, count):
+    """Records of the first aircraft after every tick; it chooses the same whenever it is free."""
+    out = []
+    for _ in range(count):
+        free = lanes.records["stage"][0] == CRUISE
+        lanes.step(np.array([CHOICES.index(name) if free else 0, 0]))
+        out.append(lanes.records[0].copy())
+    return np.array(out)
 
 
 def tilt_of(records):
@@ -255,7 +251,7 @@ def test_the_footprint_is_what_the_camera_sees(pitch):
 
 
 def test_robots_are_found_in_tilted_pictures():
-    places, headings, seen = [], [], 0
+    places, headings = [], []
     for records in shuttle(lanes_of(perception="images", noise_max=0.0), 6):
         record = records[0]
         fresh = (record["track_status"] == 1.0) & (record["track_age"] < 0.05)

@@ -67,7 +67,7 @@ class View:
 
     @cached_property
     def sizes(self) -> haar.SizeWindow | tuple[float, float]:
-        """How large a robot's window is, pixels: least and most where all look alike, else by place.
+        """How large a robot looks, pixels: least and most where all look alike, else by place.
 
         All look alike to a camera that looks straight down.
         """
