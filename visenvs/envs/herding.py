@@ -32,7 +32,14 @@ from visenvs.envs._herding_aircraft import CRUISE, choose, fly, obey, true_place
 from visenvs.envs._herding_belief import begin_belief, describe, looks, sense
 from visenvs.envs._herding_config import KINEMATIC, SCENARIOS, VELOCITY
 from visenvs.envs._herding_layout import LANE, OBSERVATION, VELOCITY_ACTION, WORK
-from visenvs.envs._herding_rules import cross_lines, feel_touches, hit_poles, judge, meet_tops, share
+from visenvs.envs._herding_rules import (
+    cross_lines,
+    feel_touches,
+    hit_poles,
+    judge,
+    meet_tops,
+    share,
+)
 from visenvs.guidance.choices import CHOICES, HOVER, PER_ROBOT
 
 ENV_ID = "visenvs/Herding-v0"
