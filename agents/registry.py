@@ -13,8 +13,10 @@ from visenvs.core.config import Config, nearest, override, pick
 from visenvs.core.lanes import Task
 from visenvs.core.registry import find_law, laws
 
+from .card import read_card
 from .classical import LawPolicy, RandomPolicy, ZeroPolicy, lacking
-from .learned import LearnedPolicy, load_network, read_card
+from .learned import LearnedPolicy
+from .loading import load_network
 from .policy import NotApplicable, Policy
 from .residual import Reading, Residual
 

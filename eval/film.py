@@ -58,7 +58,7 @@ def run(options: Options) -> None:
         config = override(config, {"estimator": options.estimator})
     entry = registry.load(options.policy, task, config, options.trust)
     records = film.fly(partial(decide, entry.policy), task, entry.config, options.seed)
-    film.write(options.out, records, task, config, options.speed, options.at)
+    film.write(options.out, records, task, entry.config, options.speed, options.at)
     Console().print(f"written: {options.out}", soft_wrap=True, highlight=False)
 
 

@@ -37,6 +37,7 @@ FLIGHTS = {
     "tracking2d": Flight("visenvs/Tracking2D-v0", "nsa", 100_003),
     "bearings-only": Flight("visenvs/BearingsOnly-v0", "ppo", 100_004),
     "avoidance": Flight("visenvs/Avoidance-v0", "dgg", 100_009),
+    "pixels": Flight("visenvs/Avoidance-v0", "ppo-pixels", 100_009),
     "formation": Flight("visenvs/Formation-v0", "follow-ff", 100_001),
     "team": Flight("visenvs/Formation-v0", "follow-ff", 100_001, "team"),
     "mapping": Flight("visenvs/Mapping-v0", "information-gain", 100_003),

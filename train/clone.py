@@ -22,12 +22,15 @@ from visenvs.core.layout import Choices
 from visenvs.core.provenance import provenance
 from visenvs.core.registry import load_task
 
-from . import sb3
+from . import options as training
+from .build import build_lanes, build_model
 from .callbacks import validate
 from .minari_export import library
 from .presets import preset_for
+from .record import card as card_of
 from .tutor import fit
 
+BATCH = 2048
 RATE = 1e-3  # falls linearly to a twentieth
 
 
@@ -65,17 +68,17 @@ def run(options: Options) -> None:
         raise ValueError(f"only rows and continuous actions are cloned, not those of {env}")
     rows, actions = steps_of(dataset)
     torch.set_num_threads(1)
-    made = sb3.Options(out=options.out, env=env, scenario=scenario, seed=options.seed)
+    made = training.Options(out=options.out, env=env, scenario=scenario, seed=options.seed)
     preset = preset_for(env, "ppo")
-    lanes, validation = sb3.build_lanes(made, preset, task, config, 0)
-    model: Any = sb3.build_model(made, preset, lanes)
+    lanes, validation = build_lanes(made, preset, task, config, 0)
+    model: Any = build_model(made, preset, lanes)
     learn(model.policy, rows, actions, options.passes)
     best = {**validate(model, validation), "steps": len(rows)}
     options.out.mkdir(parents=True, exist_ok=True)
     model.save(options.out / "model.zip")
     curve = [[len(rows), best["cost_mean"], best["cost_median"]]]
     told = {"best": best, "curve": curve, "config": to_json(config), **provenance("train.clone")}
-    card = sb3.card(made, task, scenario, preset, told) | {"dataset": options.dataset}
+    card = card_of(made, task, scenario, preset, told) | {"dataset": options.dataset}
     write_json(options.out / "card.json", card)
     reached = f"mean cost {best['cost_mean']:.4g}, success {best['success_rate']:.3f}"
     print(f"from {len(rows):,} steps: {reached}")
@@ -116,7 +119,7 @@ def learn(
     for k in range(passes):
         for group in optimiser.param_groups:
             group["lr"] = RATE * max(1.0 - k / passes, 0.05)
-        fit(policy, optimiser, rows, actions)
+        fit(policy, optimiser, rows, actions, BATCH)
 
 
 if __name__ == "__main__":

@@ -25,7 +25,7 @@ from visenvs.core.outcome import RUNNING
 from visenvs.core.provenance import provenance
 from visenvs.core.registry import load_task
 
-from .sb3 import TRAINING_SEEDS
+from .options import TRAINING_SEEDS
 
 AT_ONCE = 100  # episodes that fly side by side
 INSTALL = 'Minari is missing: write `pip install "visenvs[offline]"`'

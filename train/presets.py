@@ -17,6 +17,27 @@ Algo = Literal["ppo", "sac", "td3", "recurrent_ppo", "maskable_ppo"]
 
 
 @dataclass(frozen=True)
+class Tutoring:
+    """How a network learns what a tutor would command.
+
+    Attributes:
+        steps: of every lane in a round.
+        batch: rows of one step of the optimiser.
+        keep: how many rounds' rows are learnt from.
+        draws: rows that are drawn of these in a round; 0 for each of them once.
+        handover: rounds after which the tutor flies no episode any more; 0 for none from the start.
+        largest: what is wanted is cut off there, over the longest action.
+    """
+
+    steps: int = 600
+    batch: int = 2048
+    keep: int = 6
+    draws: int = 0
+    handover: int = 0
+    largest: float = 1.0
+
+
+@dataclass(frozen=True)
 class Preset:
     """How to train one algorithm on one environment.
 
@@ -26,8 +47,7 @@ class Preset:
         policy: arguments of its policy (`net_arch`, `log_std_init`, ...).
         sets: width of the network that reads what a row lists in any order (PPO only); 0 for none.
         pictures: width of the network that reads pictures; 0 for SB3's own.
-        tutoring: steps of every lane in a round of `--tutor N`, rows of a batch, and rounds whose
-            rows are kept.
+        tutoring: what a round of `--tutor N` is.
         imitation: steps in which `--imitate LAW` gathers what the law would do.
         validation: episodes of a validation.
         settings: of the environment, in training and validation.
@@ -43,7 +63,7 @@ class Preset:
     policy: dict[str, Any] = field(default_factory=dict)
     sets: int = 0
     pictures: int = 0
-    tutoring: tuple[int, int, int] = (600, 2048, 6)
+    tutoring: Tutoring = Tutoring()
     imitation: int = 0
     validation: int = 1000
     settings: dict[str, Any] = field(default_factory=dict)
@@ -168,24 +188,26 @@ PRESETS: dict[tuple[str, Algo], Preset] = {
 }
 
 # Where pictures are observed. Five of them a second, so that a flight has a hundred; perfect
-# information costs nothing and changes no picture; whole flights in a round.
+# information costs nothing and changes no picture; whole flights in a round. What a network cannot
+# tell yet, it learns from what the tutor does off its course; half the longest acceleration is more
+# than a flight in time ever needs.
 PICTURES: dict[tuple[str, Algo], Preset] = {
     ("visenvs/Avoidance-v0", "ppo"): Preset(
-        64,
+        256,
         ON_POLICY
         | {
             "n_steps": 100,
-            "batch_size": 640,
+            "batch_size": 1280,
             "n_epochs": 3,
             "learning_rate": 2e-4,
             "gamma": 0.99,
             "use_sde": True,
             "sde_sample_freq": 5,
         },
-        {"net_arch": [64], "log_std_init": -3.5},
-        pictures=64,
-        tutoring=(100, 256, 4),
-        validation=100,
+        {"net_arch": [64], "activation_fn": nn.ReLU, "log_std_init": -3.5},
+        pictures=128,
+        tutoring=Tutoring(100, 256, 16, draws=200_000, handover=6, largest=0.5),
+        validation=200,
         settings={"estimator": "truth", "dt": 0.2},
         reward_floor=-300.0,
         unit=50.0,

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from stable_baselines3 import PPO
 
 from agents import registry
-from agents.learned import digest
+from agents.card import digest
 from agents.residual import Reading, Residual
 from visenvs.core.cli import launch
 from visenvs.core.config import pick
@@ -31,8 +31,8 @@ from visenvs.core.provenance import provenance
 from visenvs.core.registry import load_task
 
 from .callbacks import validate
+from .options import TRAINING_SEEDS, VALIDATION_SEEDS
 from .presets import Preset, preset_for
-from .sb3 import TRAINING_SEEDS, VALIDATION_SEEDS
 from .vec_env import LaneVecEnv
 
 Values = NDArray[np.float64]

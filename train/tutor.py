@@ -16,6 +16,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from stable_baselines3 import PPO
+from tqdm import tqdm
 
 from agents.registry import load_law
 from visenvs.core.compile import kernel
@@ -24,9 +25,11 @@ from visenvs.core.lanes import Task, as_floats
 from visenvs.core.loop import write_rows
 from visenvs.guidance.policy import NotApplicable
 
+from .presets import Tutoring
 from .vec_env import LaneVecEnv
 
-BATCH, RATE = 2048, 1e-3
+RATE = 1e-3
+PUSHED, HELD = 0.15, 0.9  # largest standard deviation of what pushes a tutor, kept from a step on
 FIELDS = ("leader", "v_V_N", "heading", "tracking_error", "offset_F", "offset_rate")
 SETTINGS = ("s_r", "a_max")
 TEACHER = "dgg-open"  # of those who see pictures
@@ -38,9 +41,7 @@ def learn_from_truth(
     lanes: LaneVecEnv,
     teacher: Teacher,
     rounds: int,
-    steps: int = 600,
-    batch: int = BATCH,
-    keep: int = 6,
+    how: Tutoring,
     watch: Callable[[int], None] = lambda _steps: None,
 ) -> int:
     """Train the policy's mean in place; returns how many environment steps that took.
@@ -50,46 +51,94 @@ def learn_from_truth(
         lanes: where it flies; each round goes on where the last one stopped.
         teacher: wanted actions over the longest one from lane records.
         rounds: how often the network flies and learns.
-        steps: of every lane in a round.
-        batch: rows of one step of the optimiser.
-        keep: how many rounds' rows are learnt from.
+        how: what a round is.
         watch: called after every round with the environment steps so far.
     """
     policy: Any = model.policy
     optimiser = torch.optim.Adam(policy.parameters(), lr=RATE)
     row: Any = lanes.reset()
-    kept: list[tuple[Any, Any]] = []
-    for left in range(rounds, 0, -1):
-        rows: list[Any] = []
-        wanted: list[Any] = []
-        for _ in range(steps):
-            rows.append(row)
-            wanted.append(lanes.correction(teacher(lanes.lanes.records)))
-            actions, _ = model.predict(row, deterministic=True)
-            row, _, _, _ = lanes.step(actions)
-        kept = [
-            *kept[max(len(kept) - keep + 1, 0) :],
-            (np.concatenate(rows), np.concatenate(wanted)),
-        ]
+    count, size = lanes.num_envs, how.steps * lanes.num_envs
+    most = min(how.keep, rounds) * size  # the oldest are written over
+    rows = np.empty((most, *row.shape[1:]), row.dtype)
+    wanted = np.empty((most, lanes.action_space.shape[0]), np.float32)  # type: ignore[index]
+    handover = Handover(count, wanted.shape[1], how.handover)
+    for k in tqdm(range(rounds), "tutoring", leave=False):
+        at = k * size % most
+        for _ in range(how.steps):
+            said = lanes.correction(teacher(lanes.lanes.records))
+            rows[at : at + count] = row
+            wanted[at : at + count] = np.clip(said, -how.largest, how.largest)
+            own, _ = model.predict(row, deterministic=True)
+            row, _, done, _ = lanes.step(handover.flown(said, own))
+            handover.end(done, k)
+            at += count
         for group in optimiser.param_groups:
-            group["lr"] = RATE * left / rounds
-        told, means = (np.concatenate(part) for part in zip(*kept, strict=True))
-        fit(policy, optimiser, told, means, batch)
-        watch((rounds - left + 1) * steps * lanes.num_envs)
-    return rounds * steps * lanes.num_envs
+            group["lr"] = RATE * (rounds - k) / rounds
+        filled = min((k + 1) * size, most)
+        fit(policy, optimiser, rows[:filled], wanted[:filled], how.batch, how.draws)
+        watch((k + 1) * size)
+    return rounds * size
+
+
+class Handover:
+    """Who flies: at first the tutor, then the network in more and more of the episodes.
+
+    The tutor is pushed off its course, so that what it does there is seen before the network gets
+    there (Laskey et al. 2017, "DART: noise injection for robust imitation learning").
+
+    Args:
+        lanes: how many.
+        size: of an action.
+        rounds: after which the network flies all; 0 for from the start.
+    """
+
+    def __init__(self, lanes: int, size: int, rounds: int) -> None:
+        self._rounds = rounds
+        self._tutor = torch.full((lanes, 1), rounds > 0)
+        self._push = torch.zeros(lanes, size)
+        self._strength = PUSHED * torch.rand(lanes, 1)
+
+    def flown(self, said: NDArray[np.float32], own: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Actions: what the tutor said, pushed, or the network's own, (lanes, size)."""
+        if not self._tutor.any():
+            return own
+        fresh = self._strength * torch.randn(self._push.shape)
+        self._push = HELD * self._push + math.sqrt(1.0 - HELD * HELD) * fresh
+        pushed = np.clip(said + self._push.numpy(), -1.0, 1.0)
+        return np.where(self._tutor.numpy(), pushed, own)
+
+    def end(self, done: NDArray[np.bool_], k: int) -> None:
+        """Draw who flies the episodes that begin where lanes are done, in round k."""
+        over = torch.from_numpy(done)[:, None]
+        if self._tutor.any() and over.any():
+            drawn = torch.rand(over.shape) < 1.0 - k / self._rounds
+            self._tutor = torch.where(over, drawn, self._tutor)
+            self._strength = torch.where(over, PUSHED * torch.rand(over.shape), self._strength)
 
 
 def fit(
-    policy: Any, optimiser: torch.optim.Optimizer, rows: Any, wanted: Any, batch: int = BATCH
+    policy: Any,
+    optimiser: torch.optim.Optimizer,
+    rows: Any,
+    wanted: Any,
+    batch: int,
+    draws: int = 0,
 ) -> None:
-    """One pass over rows (n, k) and wanted means (n, size) in random order."""
-    order = torch.randperm(len(rows))
-    targets = torch.as_tensor(wanted)
-    for start in range(0, len(order), batch):
-        some = order[start : start + batch]
+    """Fit the mean to what is wanted, by least squares.
+
+    Args:
+        policy: SB3's.
+        optimiser: of its parameters.
+        rows: (n, k), or pictures (n, height, width, channels).
+        wanted: actions, (n, size).
+        batch: rows of one step of the optimiser.
+        draws: so many rows, drawn anew each; 0 for each row once, in random order.
+    """
+    order = torch.randint(len(rows), (draws,)) if draws else torch.randperm(len(rows))
+    for some in order.split(batch):
         inputs, _ = policy.obs_to_tensor(rows[some.numpy()])  # channels of pictures first
         mean = policy.get_distribution(inputs).distribution.mean
-        loss = torch.nn.functional.mse_loss(mean, targets[some])
+        loss = torch.nn.functional.mse_loss(mean, torch.from_numpy(wanted[some.numpy()]))
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()

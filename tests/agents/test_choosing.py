@@ -6,7 +6,7 @@ import torch
 from sb3_contrib import MaskablePPO
 
 from agents.choosing import SetChoicePolicy
-from agents.learned import load_network
+from agents.loading import load_network
 from train.vec_env import LaneVecEnv
 from visenvs.core.registry import load_task
 

@@ -11,8 +11,8 @@ import torch
 from gymnasium import Env
 from stable_baselines3 import PPO
 
+from agents.card import digest
 from agents.classical import LawPolicy, RandomPolicy, ZeroPolicy
-from agents.learned import digest
 from agents.policy import NotApplicable
 from agents.registry import load, load_law, names, shipped
 from visenvs.core.config import override

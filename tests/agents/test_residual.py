@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from stable_baselines3 import PPO
 
-from agents.learned import digest, load_network
+from agents.card import digest
+from agents.loading import load_network
 from agents.registry import load
 from agents.residual import Reading, Residual
 from visenvs.core.lanes import Lanes

@@ -6,7 +6,8 @@ import torch
 from gymnasium import Env
 from stable_baselines3 import PPO
 
-from agents.learned import load_network, set_network
+from agents.loading import load_network
+from agents.networks import set_network
 from agents.sets import SetNetwork
 from visenvs.core.layout import Field, Layout
 

@@ -15,7 +15,7 @@ from visenvs.core.registry import laws, load_task
 from visenvs.core.units import FOOT
 from visenvs.envs._avoidance_config import AvoidanceConfig, K
 from visenvs.envs._avoidance_scenarios import SCENARIOS
-from visenvs.envs._obstacles import IMAGE
+from visenvs.envs._avoidance_sightings import IMAGE
 
 TASK = load_task("visenvs/Avoidance-v0")
 SEEDS = 2000
@@ -570,6 +570,14 @@ GOLDEN = {
         "miss_distance": 20.000285162335445,
         "min_separation": 1.6340294392132526,
         "nees_mean": 2.5349634192613464,
+        "sightings": [[-0.7017624854082187, -0.376888526909952]],
+    },
+    "quadrotor": {
+        "total_cost": 20010.914593318408,
+        "control_cost": 0.14973572991118306,
+        "miss_distance": 20.00241811450256,
+        "min_separation": 1.6342862505974414,
+        "nees_mean": 2.546865570835758,
         "sightings": [[-0.7017624854082187, -0.376888526909952]],
     },
     "moving": {

@@ -1,5 +1,7 @@
 """Avoidance on rendered pictures: the same whatever flies beside, drawn anew from any record."""
 
+import math
+
 import gymnasium
 import numpy as np
 import pytest
@@ -8,7 +10,8 @@ import visenvs  # noqa: F401
 from visenvs.core.config import override, to_record
 from visenvs.core.lanes import Lanes
 from visenvs.core.registry import load_task
-from visenvs.envs._avoidance_images import camera, look, picture
+from visenvs.envs._avoidance_images import SIGHTED, _tell, camera, look, picture
+from visenvs.sensors.images.spheres import Ball
 
 ID = "visenvs/Avoidance-v0"
 TASK = load_task(ID)
@@ -49,6 +52,21 @@ def test_the_detector_sees_what_the_points_are_drawn_about():
     assert sighted["seen"][0] == pytest.approx(r[1:] / r[0], abs=0.5 / optics.focal)
     assert sighted["distance"][0] == pytest.approx(r[0], rel=0.05)
     assert lane["sighted"] == 1
+
+
+def test_a_ball_before_another_one_is_told_by_its_size():
+    """A circle drawn about both is nearer to the far one's centre, but too large for it."""
+    lanes = lanes_of(1, perception="images")
+    lane, config = lanes.records[0], to_record(lanes.config)[0]
+    lane["count"], lane["radius"][:2] = 2, 10.0
+    ball = Ball((0.02, 0.0), math.asin(5.0 / 30.0), True)
+    for far, near in ((0, 1), (1, 0)):
+        lane["r_O_N"][far] = lane["r_V_N"] + np.array([150.0, 0.02 * 150.0, 0.0])
+        lane["r_O_N"][near] = lane["r_V_N"] + np.array([30.0, 0.0, 0.0])
+        told = np.zeros(1, SIGHTED)[0]
+        _tell(lane, [ball], config, camera(config, 256), told)
+        assert told["labels"][0] == near
+        assert told["distance"][0] == pytest.approx(30.0, rel=1e-3)
 
 
 def test_no_picture_is_taken_between_the_images_and_none_for_the_truth():

@@ -8,7 +8,8 @@ import zipfile
 
 import pytest
 
-from agents.learned import load_network, read_card
+from agents.card import read_card
+from agents.loading import load_network
 from tests.faults.conftest import FULL
 from visenvs.core.registry import load_task
 
@@ -16,11 +17,11 @@ TRAINING = """
 import os, signal, sys, warnings
 from pathlib import Path
 warnings.simplefilter("ignore")
-from train import callbacks, sb3
+from train import build, callbacks, sb3
 from train.presets import Preset
 from visenvs.core.cli import finish
 model = {"n_steps": 64, "batch_size": 256, "n_epochs": 1, "gamma": 1.0, "learning_rate": 1e-3}
-sb3.VALIDATION_SEEDS = range(90_000, 90_003)
+build.VALIDATION_SEEDS = range(90_000, 90_003)
 preset = Preset(8, model, {"net_arch": [8]}, validation=3)
 asked = sb3.Options(out=Path(sys.argv[1]), steps=1536, validate_every=512)
 """

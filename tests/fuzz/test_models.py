@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from stable_baselines3 import PPO
 
-from agents.learned import load_network
+from agents.loading import load_network
 from tests.agents.test_learned import Still, rewritten
 from visenvs.core.registry import load_task
 

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from visenvs.core.config import override
 from visenvs.core.lanes import Lanes
@@ -146,3 +147,16 @@ def test_an_empty_image_is_seen_at_the_border_of_the_camera_picture():
         record["sighted"] = sighted
         edge = draw(record, CONFIG, TASK)[top, left + 1 : left + width - 1]
         assert (edge == VERMILLION).all() == (sighted == 0.0)
+
+
+def test_the_horizon_of_a_tilted_camera_is_where_far_things_at_its_height_are():
+    config = override(TASK.scenarios["quadrotor"], {"p_detect": 0.0, "p_false": 0.0})
+    record, (_, _, width, _) = episode(5, config, 1)[-1], avoidance.CAMERA
+    record["count"] = 0
+    body = Rotation.from_euler("ZYX", [0.0, -10.0, 30.0], degrees=True)  # nose down, rolled
+    record["q_V"] = body.as_quat()[[3, 0, 1, 2]]
+    line = np.argwhere(mask(draw(record, config, TASK), GREEN, avoidance.CAMERA))
+    for bearing in (-0.4, 0.0, 0.4):
+        X, Y, Z = body.inv().apply([math.cos(bearing), math.sin(bearing), 0.0])
+        place = width / 2 * (1.0 + np.array([Z / X, Y / X]) / config.half_width)
+        assert np.hypot(*(line - place).T).min() < 1.5

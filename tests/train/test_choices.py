@@ -8,7 +8,7 @@ from sb3_contrib.common.maskable.utils import get_action_masks, is_masking_suppo
 from agents.registry import load
 from eval.rollout import rollout
 from tests.toys import toys
-from train import sb3
+from train import build, sb3
 from train.imitation import imitate
 from train.presets import DEFAULTS, Preset
 from train.sb3 import Options, train
@@ -43,7 +43,7 @@ def test_a_policy_that_chooses_is_trained_saved_and_flown(tmp_path, monkeypatch)
     quick = DEFAULTS["maskable_ppo"].model | {"n_steps": 100, "batch_size": 200}
     preset = Preset(16, quick | {"learning_rate": 2e-3}, {"net_arch": [32]})
     monkeypatch.setattr(sb3, "preset_for", lambda env, algo, pictures: preset)
-    monkeypatch.setattr(sb3, "VALIDATION_SEEDS", range(90_000, 90_050))
+    monkeypatch.setattr(build, "VALIDATION_SEEDS", range(90_000, 90_050))
     train(Options(out=tmp_path / "run", env=STAIRS, algo="maskable_ppo", steps=20_000))
     task = load_task(STAIRS)
     config = task.scenarios["plain"]

@@ -11,13 +11,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agents.learned import digest, load_network
+from agents.card import digest
+from agents.loading import load_network
 from agents.registry import load
 from eval.rollout import PUBLIC_SEEDS, rollout
-from train import sb3
+from train import build, record, sb3
+from train.build import build_lanes, build_model, scale_of
 from train.callbacks import Keeper
 from train.presets import DEFAULTS, PRESETS, Preset, preset_for
-from train.sb3 import Options, build_lanes, train
+from train.sb3 import Options, train
 from visenvs.core.cli import guarded, launch
 from visenvs.core.registry import load_task
 
@@ -42,7 +44,8 @@ TINY = {
 def tiny(monkeypatch):
     """Small networks, few lanes, and a validation of six episodes."""
     monkeypatch.setattr(sb3, "preset_for", lambda env, algo, pictures: TINY[algo])
-    monkeypatch.setattr(sb3, "VALIDATION_SEEDS", range(90_000, 90_006))
+    for module in (build, record):
+        monkeypatch.setattr(module, "VALIDATION_SEEDS", range(90_000, 90_006))
 
 
 def read(path):
@@ -60,7 +63,8 @@ def done(tmp_path_factory):
     out = tmp_path_factory.mktemp("runs") / "deep" / "run"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sb3, "preset_for", lambda env, algo, pictures: TINY[algo])
-        patch.setattr(sb3, "VALIDATION_SEEDS", range(90_000, 90_006))
+        for module in (build, record):
+            patch.setattr(module, "VALIDATION_SEEDS", range(90_000, 90_006))
         assert guarded(lambda: train(options(out, residual="lq", validate_every=1000))) == 0
     return out
 
@@ -118,7 +122,7 @@ def test_every_algorithm_trains_and_its_model_flies_as_validated(algo, tmp_path,
 
 
 def test_training_changes_the_network(done, tmp_path):
-    before = sb3.build_model(options(tmp_path), TINY["ppo"], lanes_of(tmp_path))
+    before = build_model(options(tmp_path), TINY["ppo"], lanes_of(tmp_path))
     after = load_network(done / "checkpoint.zip", TASK)
     old, new = before.policy.state_dict(), after.state_dict()
     assert any((old[name] != new[name]).any() for name in old)
@@ -156,7 +160,7 @@ def test_an_interrupted_run_goes_on_with_the_same_command(algo, interrupt, tmp_p
     assert left(asked.out) == files
     assert read(asked.out / "card.json")["steps"] == 512
     load(str(asked.out), TASK, CONFIG)
-    kept = sb3.build_model(asked, TINY[algo], lanes_of(asked.out))
+    kept = build_model(asked, TINY[algo], lanes_of(asked.out))
     assert kept.num_timesteps == 800
     if algo == "sac":
         assert kept.replay_buffer.pos == 800 // kept.n_envs - 1  # but for the step cut short
@@ -356,8 +360,8 @@ def test_training_is_shaped_and_validation_is_not(tmp_path):
 
 
 def test_the_scale_of_a_residual_is_the_presets_unless_told(tmp_path):
-    assert sb3.scale_of(options(tmp_path), TINY["ppo"]) == 0.2
-    assert sb3.scale_of(options(tmp_path, residual_scale=0.7), TINY["ppo"]) == 0.7
+    assert scale_of(options(tmp_path), TINY["ppo"]) == 0.2
+    assert scale_of(options(tmp_path, residual_scale=0.7), TINY["ppo"]) == 0.7
 
 
 @pytest.mark.parametrize("algo", DEFAULTS)
@@ -376,6 +380,6 @@ def test_every_preset_is_one_that_sb3_takes(env, algo, tmp_path):
         count = preset_for(env, algo).lanes * preset.model["n_steps"]
         assert count >= preset.model["batch_size"]
         preset = replace(preset, model=preset.model | {"batch_size": preset.model["n_steps"]})
-    model = sb3.build_model(asked, preset, lanes)
+    model = build_model(asked, preset, lanes)
     assert model.learning_rate(1.0) == preset.model["learning_rate"]
     assert model.learning_rate(0.0) == pytest.approx(preset.model["learning_rate"] / 20)

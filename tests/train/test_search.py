@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from agents.learned import read_card
+from agents.card import read_card
 from agents.registry import load
 from agents.residual import Reading, Residual
 from train import search

@@ -6,7 +6,7 @@ from dataclasses import replace
 import optuna
 import pytest
 
-from train import sb3, sweep
+from train import build, sweep
 from train.presets import DEFAULTS, Preset
 from train.sweep import Options
 
@@ -62,7 +62,7 @@ def test_suggestions_are_presets(algo, tmp_path):
 
 
 def test_a_real_trial_trains(tmp_path, monkeypatch):
-    monkeypatch.setattr(sb3, "VALIDATION_SEEDS", range(90_000, 90_006))
+    monkeypatch.setattr(build, "VALIDATION_SEEDS", range(90_000, 90_006))
     quick = DEFAULTS["ppo"].model | {"n_steps": 8, "batch_size": 32, "n_epochs": 1}
     asked = sweep.training(options(tmp_path), 0, 1)
     cost = sweep.train_once(replace(asked, lanes=8), Preset(8, quick, {"net_arch": [8]}))

@@ -9,6 +9,7 @@ from stable_baselines3 import PPO
 from agents import registry
 from agents.residual import Residual
 from tests.toys import toys
+from train.presets import Tutoring
 from train.shaping import potential_of
 from train.tutor import TEACHER, learn_from_truth, teacher_of
 from train.vec_env import LaneVecEnv
@@ -101,7 +102,7 @@ def test_a_network_comes_closer_to_its_teacher():
         return float(np.mean(squares))
 
     before = off()
-    assert learn_from_truth(model, lanes, teacher, rounds=5, steps=60, batch=256) == 5 * 60 * 64
+    assert learn_from_truth(model, lanes, teacher, 5, Tutoring(60, 256)) == 5 * 60 * 64
     assert off() < 0.5 * before
 
 

@@ -53,6 +53,13 @@ class AvoidanceConfig:
     dt: float = 0.05  # control period, s
     lateral: int = 1  # 1: constant speed along x, a_x is ignored; 0: all three axes
     a_max: float = 10.0  # length of the longest acceleration, m/s^2
+    # how the vehicle obeys an acceleration: at once; or by tilting, and the camera with it, from
+    # level and at rest at the start, and never with less thrust than a fifth of its weight
+    dynamics: Literal["point_mass", "quadrotor"] = "point_mass"
+    bandwidth: float = 12.0  # of the quadrotor's attitude loop, which is of second order, rad/s
+    damping: float = 1.0  # of it, over the critical one
+    rate_max: float = 6.0  # its largest body rate about each axis, rad/s
+    substeps: int = 5  # parts of a step in which it is integrated
     velocity: tuple[float, float, float] = (10.0, 0.0, 0.0)  # at the start, in N, m/s
     # half width of a uniform draw about it, m/s
     velocity_drawn: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -72,7 +79,8 @@ class AvoidanceConfig:
     t_critical: float = 5.0  # an obstacle further away in time is not critical yet, s (3.23)
     t_min: float = 0.25  # an aiming point closer in time is dropped, s
     # camera; `angles` is IISc's
-    camera: Literal["fixed"] = "fixed"  # optical axis along x
+    # optical axis forward of the body: along x for a point mass and while a quadrotor is level
+    camera: Literal["fixed"] = "fixed"
     sensor: Literal["image", "angles"] = "image"  # what a sighting is: an image point, two angles
     image_every: int = 1  # steps from one image to the next
     report: Literal["all", "nearest"] = "all"  # what the image processor tells of those in view
@@ -132,6 +140,10 @@ class AvoidanceConfig:
             dt=self.dt > 0,
             lateral=self.lateral in (0, 1),
             a_max=self.a_max > 0,
+            bandwidth=self.bandwidth > 0,
+            damping=self.damping > 0,
+            rate_max=self.rate_max > 0,
+            substeps=self.substeps >= 1,
             velocity_drawn=min(self.velocity_drawn) >= 0,
             pre_run=self.pre_run >= 0,
             patience=self.patience >= 1,
@@ -174,10 +186,28 @@ class AvoidanceConfig:
             spread_yz=min(self.spread_yz) >= 0,
         )
         require_scene(self)
+        if self.dynamics == "quadrotor":
+            require_substeps(self)
         if "images" in self.perception or "pixels" in self.observation:
             require_camera(self)
         if self.observation == "pixels":
             require_past(self)
+
+
+def require_substeps(config: AvoidanceConfig) -> None:
+    """Raise a ValueError for an attitude loop that its integration makes unstable.
+
+    In a part of h s, with x = bandwidth h and z the damping, the error e and the turn u = omega h
+    become u' = (1 - 2 z x) u + x^2 e and e' = e - u': stable where x^2 + 4 z x < 4.
+    """
+    step, z = config.bandwidth * config.dt, config.damping
+    if step / config.substeps >= 2.0 * (math.hypot(1.0, z) - z):
+        least = math.floor(0.5 * step * (math.hypot(1.0, z) + z)) + 1
+        raise ValueError(
+            f"substeps={config.substeps}: an attitude loop of bandwidth={config.bandwidth:g} rad/s "
+            f"and damping={z:g} is unstable in parts of dt / substeps = "
+            f"{config.dt / config.substeps:g} s; write `substeps={least}` or more"
+        )
 
 
 def require_camera(config: AvoidanceConfig) -> None:
@@ -295,6 +325,7 @@ def closed_planes(config: Any, centres: Any, radii: Any) -> list[float]:
 
 
 MOVING = code(AvoidanceConfig, "estimator", "ekf-moving")
+QUADROTOR = code(AvoidanceConfig, "dynamics", "quadrotor")
 TRUTH = code(AvoidanceConfig, "estimator", "truth")
 FIXED = code(AvoidanceConfig, "scene", "fixed")
 IMAGES = code(AvoidanceConfig, "perception", "images")

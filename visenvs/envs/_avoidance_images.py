@@ -1,7 +1,8 @@
 """What the camera of an avoidance scene sees: red balls in the open air, and a green beacon.
 
 A picture depends on the lane's record alone, so that it can be drawn anew from any snapshot. The
-vehicle knows its attitude, and how large the balls are up to `range_error`.
+camera is fixed to the vehicle and tilts with it; the vehicle knows its attitude, and how large the
+balls are up to `range_error`.
 """
 
 from __future__ import annotations
@@ -13,20 +14,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visenvs.core.outcome import RUNNING
+from visenvs.dynamics.quadrotor import attitude
 from visenvs.envs._avoidance_config import NEAREST, PAST, TRUTH
-from visenvs.envs._obstacles import FALSE, SIGHTINGS
+from visenvs.envs._avoidance_sightings import FALSE, SIGHTINGS
 from visenvs.estimation.tracks import NOBODY
 from visenvs.sensors.images.exposure import Exposure, expose
-from visenvs.sensors.images.optics import Image, Optics
+from visenvs.sensors.images.optics import Image, Optics, Values
 from visenvs.sensors.images.outdoor import outdoor_of
 from visenvs.sensors.images.spheres import Ball, detect
 
-EXPOSURE = FALSE + 1  # noise stream, after those of `_obstacles`
+EXPOSURE = FALSE + 1  # noise stream, after those of `_avoidance_sightings`
 LENS = Exposure()
-LEVEL = np.eye(3)
 RED, GREEN = (200.0, 30.0, 30.0), (40.0, 190.0, 60.0)
-BEACON = 1.5  # radius of the beacon at the waypoint, m
+BEACON = 4.0  # radius of the beacon at the waypoint, m: seen half of the way off
 MATCH = 1.0  # a ball is an obstacle's if its centre is nearer than so many radii, and 3 pixels
+
+ALIKE = math.log(1.5)  # and if it is not larger or smaller than this
 
 SIGHTED = np.dtype(
     [
@@ -43,18 +46,27 @@ def camera(config: Any, side: int) -> Optics:
     return Optics(side, side, 0.5 * side / float(config["half_width"]))
 
 
+def attitude_of(q: Values) -> Values:
+    """C_CN of the quaternion of a lane's record, (3, 3)."""
+    C = np.empty((3, 3))
+    attitude(q, C)
+    return C
+
+
 def picture(lane: np.void, config: Any, side: int, back: int = 0) -> Image:
     """What the camera of one lane sees, or saw so many steps before, RGB, (side, side, 3)."""
     optics, n = camera(config, side), int(lane["count"])
     seed, episode, step = (int(lane[name]) for name in ("seed", "episode", "step"))
     back = min(back, step)
-    own = lane["way_N"][(step - back) % PAST] if back else lane["r_V_N"]
+    then = (step - back) % PAST
+    own = lane["way_N"][then] if back else lane["r_V_N"]
+    C = attitude_of(lane["way_q"][then] if back else lane["q_V"])
     others = lane["r_O_N"][:n] - back * config["dt"] * lane["v_O_N"][:n]
     world = outdoor_of(seed, episode)
-    frame = world.render(optics, LEVEL, own)
+    frame = world.render(optics, C, own)
     beacon = (config["waypoint"] - own)[None]
-    world.balls(frame, optics, LEVEL, beacon, np.array([BEACON]), GREEN)
-    world.balls(frame, optics, LEVEL, others - own, config["ball"] * lane["radius"][:n], RED)
+    world.balls(frame, optics, C, beacon, np.array([BEACON]), GREEN)
+    world.balls(frame, optics, C, others - own, config["ball"] * lane["radius"][:n], RED)
     return expose(frame, LENS, seed, episode, EXPOSURE, step - back)
 
 
@@ -84,7 +96,8 @@ def look(lanes: NDArray[Any], config: NDArray[Any]) -> NDArray[Any]:
 def _tell(lane: np.void, balls: list[Ball], cfg: Any, optics: Optics, out: np.void) -> None:
     """Write what was found: image points, distances by size, and whose they are."""
     n = int(lane["count"])
-    r, radii = lane["r_O_N"][:n] - lane["r_V_N"], cfg["ball"] * lane["radius"][:n]
+    r = (lane["r_O_N"][:n] - lane["r_V_N"]) @ attitude_of(lane["q_V"]).T
+    radii = cfg["ball"] * lane["radius"][:n]
     ahead = np.maximum(r[:, 0], 1e-3)
     places, sizes = r[:, 1:] / ahead[:, None], radii / ahead
     free = r[:, 0] > 0.0
@@ -93,8 +106,10 @@ def _tell(lane: np.void, balls: list[Ball], cfg: Any, optics: Optics, out: np.vo
             continue
         k = int(out["count"])
         gaps = np.where(free, np.hypot(*(places - ball.point).T), math.inf)
-        j = int(np.argmin(gaps))
-        known = gaps[j] < MATCH * sizes[j] + 3.0 / optics.focal
+        scale = np.abs(np.log(ball.depth(1.0) * radii / ahead))  # of its size to what it should be
+        fits = free & (gaps < MATCH * sizes + 3.0 / optics.focal) & (scale < ALIKE)
+        j = int(np.argmin(np.where(fits, gaps / sizes + 3.0 * scale, math.inf)))
+        known = bool(fits[j])
         free[j] &= not known
         out["seen"][k], out["labels"][k] = ball.point, j if known else NOBODY
         # how large the balls are is known, also of what is none

@@ -7,7 +7,7 @@ import math
 from visenvs.core.compile import kernel
 from visenvs.core.layout import Field, Layout
 from visenvs.envs._avoidance_config import CONES, MOVING, K
-from visenvs.envs._obstacles import GOAL, relative
+from visenvs.envs._avoidance_sightings import GOAL, relative
 from visenvs.estimation.ekf import factorise, pack_lower
 from visenvs.guidance.collision_cone import coordinates, dot, tangents, time_to
 

@@ -124,6 +124,7 @@ IISC = AvoidanceConfig(
 )
 SCENARIOS = {
     "random": AvoidanceConfig(),
+    "quadrotor": AvoidanceConfig(dynamics="quadrotor"),  # tilts, and the camera with it
     "moving": AvoidanceConfig(estimator="ekf-moving", drift=1.0),
     # future work of the thesis (5.2.3): the vehicle may slow down, and time costs. Its speed grows
     # threefold on the way, so that what is 10 s ahead at first matters

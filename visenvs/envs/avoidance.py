@@ -14,6 +14,9 @@ from the start roughly to the waypoint. Cost, in m^2/s^3, its terms summed over 
 - time: s_time times the time flown. It is 0 in the papers' cases, where the forward speed is kept;
   in `minimum-time` (future work of the thesis, 5.2.3) the vehicle may accelerate and slow down.
 
+The acceleration charged is the one that was reached, which is the command where `dynamics` is
+"point_mass"; a "quadrotor" tilts for it first, and its camera tilts with it.
+
 A flight goes on inside a sphere; it ends as a collision if it has been inside by more than `margin`
 of the radius.
 """
@@ -27,40 +30,37 @@ import numpy as np
 
 from visenvs.core.compile import kernel
 from visenvs.core.config import to_record
-from visenvs.core.frames import identity
 from visenvs.core.lanes import Task, lane_dtype
 from visenvs.core.layout import Field, Frames, Layout
 from visenvs.core.noise import uniform
-from visenvs.core.outcome import MISS, RUNNING, SUCCESS, Outcome
+from visenvs.core.outcome import RUNNING
+from visenvs.dynamics import quadrotor
 from visenvs.dynamics.point_mass import move, saturate
-from visenvs.envs._avoidance_config import PAST, SEEN, TOLD, TRUTH, AvoidanceConfig, K
+from visenvs.envs._avoidance_config import PAST, QUADROTOR, SEEN, TOLD, TRUTH, AvoidanceConfig, K
 from visenvs.envs._avoidance_row import CONE_TOO, OBSERVATION, TOLD_TOO, tell
 from visenvs.envs._avoidance_scenarios import SCENARIOS
-from visenvs.envs._obstacles import (
+from visenvs.envs._avoidance_score import blocks, longest, score, watch
+from visenvs.envs._avoidance_sightings import (
     GOAL,
     PLACE,
     SIGHTINGS,
-    SPEED,
-    TRACKS,
-    WORK,
     look,
-    place,
+    receive,
     relative,
-    tell_priors,
-    track,
 )
-from visenvs.estimation.ekf import whiten
+from visenvs.envs._obstacles import SPEED, TRACKS, WORK, place, tell_priors, track
 
 ENV_ID = "visenvs/Avoidance-v0"
-
-COLLISION = int(Outcome.COLLISION)
 
 LANE = lane_dtype(
     [
         ("r_V_N", "f8", (3,)),  # vehicle, known to itself
         ("v_V_N", "f8", (3,)),
-        ("a_V_N", "f8", (3,)),  # applied acceleration
-        ("way_N", "f8", (PAST, 3)),  # where it was, step by step in turns
+        ("a_V_N", "f8", (3,)),  # acceleration that was reached, mean over the step
+        ("q_V", "f8", (4,)),  # attitude, quaternion of C_CN with the scalar first
+        ("omega_V", "f8", (3,)),  # body rates, rad/s
+        ("way_N", "f8", (PAST, 3)),  # where it was, step by step in turns,
+        ("way_q", "f8", (PAST, 4)),  # and in which attitude
         ("count", "i8"),  # obstacles of the scene
         ("r_O_N", "f8", (K, 3)),  # obstacles, truth
         ("v_O_N", "f8", (K, 3)),
@@ -122,15 +122,8 @@ ACTION = Layout(
 @kernel
 def step_lane(lane, action, cfg, work):
     """One step: act and move, sense and estimate, score."""
-    fly(lane, action, cfg, work["moved"])
+    fly(lane, action, cfg, work)
     perceive(lane, cfg, work)
-
-
-@kernel
-def perceive(lane, cfg, work):
-    """The part of a step after the flight: sense and estimate, score."""
-    believe(lane, cfg, work)
-    tell(lane, cfg, work)
     score(lane, cfg, work)
 
 
@@ -138,6 +131,12 @@ def perceive(lane, cfg, work):
 def reset_lane(lane, cfg, work):
     """Start an episode from a zeroed record: place the obstacles, tell the filter, look."""
     begin(lane, cfg, work)
+    perceive(lane, cfg, work)
+
+
+@kernel
+def perceive(lane, cfg, work):
+    """The part of a step between flight and score: sense, estimate, and write the row."""
     believe(lane, cfg, work)
     tell(lane, cfg, work)
 
@@ -150,29 +149,47 @@ def begin(lane, cfg, work):
         u = uniform(lane["seed"], lane["episode"], PLACE, 0, SPEED + i)
         lane["v_V_N"][i] = cfg["velocity"][i] + (2.0 * u - 1.0) * cfg["velocity_drawn"][i]
     lane["speed"] = lane["v_V_N"][0]
+    lane["q_V"][0] = lane["way_q"][0, 0] = 1.0  # level
     for i in range(lane["count"]):
         lane["closest"][i] = math.inf
         lane["blocks"][i] = 1.0 if blocks(lane, i, cfg) else 0.0
     watch(lane, cfg, work["u"])
     if cfg["prior"] == TOLD and cfg["estimator"] != TRUTH:
+        quadrotor.attitude(lane["q_V"], work["C"])
         tell_priors(lane, cfg, work)
 
 
 @kernel
-def fly(lane, action, cfg, moved):
-    """Apply the saturated command for one step; `moved` receives the displacement (N, m)."""
-    a = lane["a_V_N"]
+def fly(lane, action, cfg, work):
+    """Obey the saturated command for one step; work["moved"] receives the displacement (N, m).
+
+    A quadrotor tilts for it, heading along the first axis: with no command along that axis it
+    rolls, and does not pitch.
+    """
+    command, moved, r = work["u"], work["moved"], lane["r_V_N"]
     free = 1.0 if lane["step"] > round(cfg["pre_run"] / cfg["dt"]) else 0.0
     for i in range(3):
-        a[i] = free * cfg["a_max"] * action[i]
-        moved[i] = 0.0
+        command[i] = free * cfg["a_max"] * action[i]
     if cfg["lateral"]:
-        a[0] = 0.0
-    saturate(a, cfg["a_max"], a)
-    move(moved, lane["v_V_N"], a, cfg["dt"])
+        command[0] = 0.0
+    saturate(command, cfg["a_max"], command)
+    if cfg["dynamics"] == QUADROTOR:
+        for i in range(3):
+            moved[i] = -r[i]
+        quadrotor.fly(lane, command, 0.0, cfg, work)
+        for i in range(3):
+            moved[i] += r[i]
+    else:
+        for i in range(3):
+            lane["a_V_N"][i], moved[i] = command[i], 0.0
+        move(moved, lane["v_V_N"], command, cfg["dt"])
+        for i in range(3):
+            r[i] += moved[i]
+    now = lane["step"] % PAST
     for i in range(3):
-        lane["r_V_N"][i] += moved[i]
-        lane["way_N"][lane["step"] % PAST, i] = lane["r_V_N"][i]
+        lane["way_N"][now, i] = r[i]
+    for i in range(4):
+        lane["way_q"][now, i] = lane["q_V"][i]
     for i in range(lane["count"]):
         for j in range(3):
             lane["r_O_N"][i, j] += cfg["dt"] * lane["v_O_N"][i, j]
@@ -181,6 +198,7 @@ def fly(lane, action, cfg, moved):
 @kernel
 def believe(lane, cfg, work):
     """Bring the tracks up to date: by the next image, or with perfect information."""
+    quadrotor.attitude(lane["q_V"], work["C"])  # of a point mass: level
     if cfg["estimator"] != TRUTH:
         track(lane, cfg, work)
         return
@@ -196,112 +214,9 @@ def believe(lane, cfg, work):
 
 
 @kernel
-def watch(lane, cfg, u):
-    """Update the closest approach to every obstacle; returns what deeper intrusions cost."""
-    cost = 0.0
-    lane["min_separation"] = math.inf
-    for i in range(lane["count"]):
-        relative(lane, i, cfg, u)
-        distance = math.sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2])
-        if distance < lane["closest"][i]:
-            before = max(lane["radius"][i] - lane["closest"][i], 0.0)
-            after = max(lane["radius"][i] - distance, 0.0)
-            cost += 0.5 * cfg["s_violation"] * (after * after - before * before)
-            lane["closest"][i] = distance
-            lane["t_closest"][i] = lane["step"] * cfg["dt"]
-        separation = lane["closest"][i] / lane["radius"][i]
-        lane["min_separation"] = min(lane["min_separation"], separation)
-    return cost
-
-
-@kernel
-def score(lane, cfg, work):
-    """Charge this step's cost, watch the filters, and end behind the waypoint's plane."""
-    a, r, moved = lane["a_V_N"], work["u"], work["moved"]
-    effort = a[0] * a[0] + a[1] * a[1] + a[2] * a[2]
-    lane["cost_control"] = 0.5 * cfg["dt"] * effort
-    lane["cost_violation"] = watch(lane, cfg, r)
-    lane["control_cost"] += lane["cost_control"]
-    lane["peak_acceleration"] = max(lane["peak_acceleration"], math.sqrt(effort))
-    watch_filters(lane, cfg, work["u"])
-    relative(lane, GOAL, cfg, r)
-    passed = r[0] <= 1e-6 * moved[0]  # rounding must not cost a step
-    back = r[0] / moved[0] if passed else 0.0  # to the plane, along the last displacement
-    lane["flight_time"] += (1.0 + back) * cfg["dt"]
-    lane["cost_time"] = (1.0 + back) * cfg["s_time"] * cfg["dt"]
-    if passed or lane["step"] >= longest(cfg):
-        ahead, y, z = (0.0 if passed else r[0]), r[1] - back * moved[1], r[2] - back * moved[2]
-        miss = math.sqrt(ahead * ahead + y * y + z * z)
-        lane["miss_distance"] = miss
-        lane["cost_miss"] = 0.5 * cfg["s_x"] * miss * miss
-        lane["cost_divergence"] = divergence(lane, cfg)
-        lane["ghosts"] = lane["tracks"]["ghosts"]
-        if lane["min_separation"] < 1.0 - cfg["margin"]:
-            lane["outcome"] = COLLISION
-        elif passed:
-            lane["outcome"] = SUCCESS if miss <= cfg["success_radius"] else MISS
-    lane["total_cost"] += lane["cost_control"] + lane["cost_violation"]
-    lane["total_cost"] += lane["cost_divergence"] + lane["cost_miss"] + lane["cost_time"]
-
-
-@kernel
-def watch_filters(lane, cfg, u):
-    """Mean over tracks and steps of the squared error in standard deviations: 3 if they hold."""
-    T = lane["tracks"]
-    for k in range(K):
-        j = int(lane["slot_O"][k])
-        if lane["valid_O"][k] > 0.0 and T["owner"][j] >= 0.0:
-            relative(lane, int(T["owner"][j]), cfg, u)
-            for i in range(3):
-                u[i] = T["r"][j, i] - u[i]
-            lane["nees_count"] += 1.0
-            nees = whiten(lane["chol_OV"][k], u, u)
-            lane["nees_mean"] += (nees - lane["nees_mean"]) / lane["nees_count"]
-
-
-@kernel
-def divergence(lane, cfg):
-    """Cost of having passed the blocking spheres wider than needed; counts the violations, too."""
-    cost = 0.0
-    for i in range(lane["count"]):
-        if lane["closest"][i] < (1.0 - cfg["margin"]) * lane["radius"][i]:
-            lane["violations"] += 1.0
-        excess = lane["closest"][i] - (1.0 + cfg["margin"]) * lane["radius"][i]
-        if excess > 0.0 and lane["blocks"][i]:
-            cost += 0.5 * cfg["s_divergence"] * excess * excess
-    return cost
-
-
-@kernel
-def blocks(lane, i, cfg):
-    """Whether a straight flight to the waypoint at constant speed enters the sphere of obstacle i.
-
-    r - s w is the obstacle relative to that flight, from s = 0 at its start to s = 1 at its end.
-    """
-    r, square, along, distance = lane["r_O_N"][i], 0.0, 0.0, 0.0
-    t = cfg["waypoint"][0] / lane["speed"]
-    for j in range(3):
-        w = cfg["waypoint"][j] - t * lane["v_O_N"][i, j]
-        square += w * w
-        along += r[j] * w
-    s = min(max(along / square, 0.0), 1.0)
-    for j in range(3):
-        distance += (r[j] - s * (cfg["waypoint"][j] - t * lane["v_O_N"][i, j])) ** 2
-    return distance < lane["radius"][i] ** 2
-
-
-@kernel
-def longest(cfg):
-    """After how many steps a flight is cut off."""
-    slowest = cfg["velocity"][0] - cfg["velocity_drawn"][0]
-    return math.ceil(cfg["patience"] * cfg["waypoint"][0] / slowest / cfg["dt"] - 1e-6)
-
-
-@kernel
 def reset_lanes(lanes, config):
     """Start every lane given."""
     work = np.zeros(1, WORK)
-    identity(work[0]["C"])
     for i in range(lanes.shape[0]):
         reset_lane(lanes[i], config[0], work[0])
 
@@ -310,7 +225,6 @@ def reset_lanes(lanes, config):
 def step_lanes(lanes, actions, config):
     """Advance every lane that is running."""
     work = np.zeros(1, WORK)
-    identity(work[0]["C"])
     for i in range(lanes.shape[0]):
         if lanes[i]["outcome"] == RUNNING:
             step_lane(lanes[i], actions[i], config[0], work[0])
@@ -320,7 +234,6 @@ def step_lanes(lanes, actions, config):
 def begin_lanes(lanes, config):
     """Start every lane given, as far as the first look."""
     work = np.zeros(1, WORK)
-    identity(work[0]["C"])
     for i in range(lanes.shape[0]):
         begin(lanes[i], config[0], work[0])
 
@@ -328,36 +241,26 @@ def begin_lanes(lanes, config):
 @kernel
 def fly_lanes(lanes, actions, config, moved):
     """Fly every lane that is running; `moved` receives the displacements (N, m), (n, 3)."""
+    work = np.zeros(1, WORK)
     for i in range(lanes.shape[0]):
         if lanes[i]["outcome"] == RUNNING:
-            fly(lanes[i], actions[i], config[0], moved[i])
+            fly(lanes[i], actions[i], config[0], work[0])
+            for j in range(3):
+                moved[i, j] = work[0]["moved"][j]
 
 
 @kernel
 def take_in(lanes, config, moved, sighted, started):
     """Go on with every lane that is running from what was found in its picture."""
     work = np.zeros(1, WORK)
-    w = work[0]
-    identity(w["C"])
     for i in range(lanes.shape[0]):
         if lanes[i]["outcome"] == RUNNING:
-            w["found"] = sighted[i]["count"]
-            for j in range(w["found"]):
-                w["labels"][j], w["distance"][j] = (
-                    sighted[i]["labels"][j],
-                    sighted[i]["distance"][j],
-                )
-                w["seen"][j, 0], w["seen"][j, 1] = (
-                    sighted[i]["seen"][j, 0],
-                    sighted[i]["seen"][j, 1],
-                )
+            receive(sighted[i], work[0])
             for j in range(3):
-                w["moved"][j] = moved[i, j]
+                work[0]["moved"][j] = moved[i, j]
+            perceive(lanes[i], config[0], work[0])
             if started:
-                perceive(lanes[i], config[0], w)
-            else:
-                believe(lanes[i], config[0], w)
-                tell(lanes[i], config[0], w)
+                score(lanes[i], config[0], work[0])
 
 
 def reset_seeing(lanes: Any, config: Any) -> None:

@@ -13,8 +13,10 @@ import numpy as np
 
 from visenvs.core.compile import kernel
 from visenvs.estimation import lines
-from visenvs.estimation.line_matching import NEW, associate, foresee
+from visenvs.estimation.association import assign_scratch
+from visenvs.estimation.line_matching import NEW, OPTIONS, associate, foresee
 from visenvs.estimation.lines import (
+    FOUR,
     PRINTED,
     SCRATCH,
     begin,
@@ -62,6 +64,15 @@ def work_dtype(slots: int, segments: int) -> np.dtype[Any]:
             ("along", "f8", (slots, 2)),  # and variances along it
             ("touched", "f8", (slots,)),
             ("choice", "i8", (segments,)),
+            ("options", "i8", (segments,)),  # lines that it may be of
+            ("option", "i8", (segments, OPTIONS)),
+            ("value", "f8", (segments, OPTIONS)),  # and their z-test values
+            ("holders", "i8", (slots,)),  # segments that a line is the best for
+            ("row", "i8", (segments,)),  # those to be assigned together
+            ("marked", "i8", (segments,)),  # whether it is one of them
+            ("ztest", "f8", (segments, slots)),
+            ("picked", "i8", (segments,)),
+            ("assign", "f8", assign_scratch(segments, slots)),
             ("sum_x", "f8", (6,)),
             ("sum_P", "f8", (6, 6)),
         ]
@@ -114,7 +125,8 @@ def stretch(lines_map, j, C, r_V, segment, cut, cfg, work):
 
     An end of the segment that is not cut off closes an open end, which is moved there, in or out.
     Beyond a closed end a line is lengthened only where the segment tells that it was closed too
-    early: the rest was hidden. A segment that ends within the line tells nothing of its end.
+    early: the rest was hidden. Noise alone tells so once in 30,000 ends, and distances d could
+    never take it back. A segment that ends within the line tells nothing of its end.
     """
     scratch, x, P, closed = work["line"], lines_map["x"][j], lines_map["P"][j], lines_map["closed"]
     out, s, true_end = scratch["sight"], scratch["s"], scratch["true_end"]
@@ -124,15 +136,17 @@ def stretch(lines_map, j, C, r_V, segment, cut, cfg, work):
     turned, noise = in_order(out, segment, scratch["x"], s), cfg["sigma_image"]
     for i in range(2):
         k = 1 - i if turned else i
-        beyond, depth = (-s[0] if i == 0 else s[1] - 1.0) * out["length"], out["q"][i, 0]
+        beyond = (-s[0] if i == 0 else s[1] - 1.0) * out["length"]
         gate = cfg["e_gate"] * math.sqrt(quadratic(P, out["along"][i]) + noise * noise)
         true_end[k] = 1.0 - cut[k]
         opened = closed[j, i] == 0.0
         ends_here = cut[k] == 0.0 and beyond > -gate
-        moves = beyond > (0.0 if opened else gate) or (opened and ends_here)
+        longer = cfg["estimator"] == FOUR and beyond > gate
+        moves = beyond > 0.0 or ends_here if opened else longer
         if moves and out["t"][i] == i:
             share = min(max(share_of(out["q"], s, i), -cfg["extend_max"]), 0.5)
-            slide(x, P, i, share, (noise * depth) ** 2, scratch["W"])
+            doubt = noise * spread_of(out["q"], s, i) / out["length"]
+            slide(x, P, i, share, doubt * doubt, scratch["W"])
             true_end[k] = 0.0  # it has been used
         if ends_here:
             closed[j, i] = 1.0
@@ -150,6 +164,20 @@ def share_of(q, s, i):
     depth = s[i] * q[0, 0] + (1.0 - s[i]) * q[1, 0]
     share = s[i] * q[0, 0] / depth if depth > 0.0 else s[i]
     return share if i == 0 else 1.0 - share
+
+
+@kernel
+def spread_of(q, s, i):
+    """How fast a place on a line moves along it with s[i], m: the further, the more end-on it is.
+
+    Args:
+        q, s: as for `share_of`.
+    """
+    depth, square = s[i] * q[0, 0] + (1.0 - s[i]) * q[1, 0], 0.0
+    for j in range(3):
+        square += (q[1, j] - q[0, j]) ** 2
+    slope = q[0, 0] * q[1, 0] / (depth * depth) if depth > 0.0 else 1.0
+    return math.sqrt(square) * slope
 
 
 @kernel

@@ -1,5 +1,7 @@
 """Which line of a map a segment in an image is of: z-test with log-determinant (thesis 2.4.1).
 
+The segments of an image that contend for lines are assigned together (`association.assign`).
+
 Settings: a record with near, half_width, min_length, sigma_image, ztest_max.
 """
 
@@ -8,9 +10,11 @@ from __future__ import annotations
 import math
 
 from visenvs.core.compile import kernel
+from visenvs.estimation.association import assign
 from visenvs.estimation.lines import quadratic, sight, slopes
 
-NEW = -1  # choice beside the number of a line
+NEW, UNCLEAR = -1, -2  # choices beside the number of a line
+OPTIONS = 6  # the best lines of a segment, so many
 OVERLAP = 0.3  # of the shorter one: what a segment and a line must share
 SLACK = 1.5  # deviations that they may share less
 LONE = 25.0  # an end inside its line counts no more than this: the rest may be hidden
@@ -61,17 +65,127 @@ def part_in_view(p, half_width):
 
 @kernel
 def associate(lines_map, seen, cut, count, cfg, work):
-    """Write work["choice"] of every segment: the line with the least z-test value, or NEW.
+    """Write work["choice"] of every segment: a line, NEW where none fits, or UNCLEAR.
 
-    Several segments may be of one line.
+    The z-test values of all segments together are least. Several may be of one line, its parts, but
+    an edge shows each of its points once: segments that overlap are of different lines. One that
+    fits lines and gets none is UNCLEAR and used for nothing: to start a line from it would double
+    one more often than find one. Being left out costs as much as the worst value that is no matter
+    of a line's own uncertainty.
     """
     for i in range(count):
-        best, work["choice"][i] = math.inf, NEW
-        for j in range(lines_map["used"]):
-            if work["ahead"][j] > 0.0 and near_by(seen[i], j, cfg, work):
-                value = ztest(seen[i], cut[i], lines_map["closed"][j], j, cfg, work)
-                if value < best:
-                    best, work["choice"][i] = value, j
+        list_lines(lines_map, seen[i], cut[i], i, cfg, work)
+    rows = contested(seen, count, work)
+    if rows == 0:  # the least values of all have the least sum
+        return
+    rows = gather(seen, count, rows, work)
+    row, values, picked = work["row"], work["ztest"], work["picked"]
+    most = cfg["ztest_max"] + 2.0 * LONE
+    for r in range(rows):
+        for j in range(values.shape[1]):
+            values[r, j] = math.inf
+        for k in range(work["options"][row[r]]):
+            values[r, work["option"][row[r], k]] = work["value"][row[r], k]
+    assign(values, rows, most, picked, work["assign"])
+    for r in range(rows):
+        work["choice"][row[r]] = picked[r] if picked[r] >= 0 else UNCLEAR
+    for r in range(rows):
+        if picked[r] < 0:
+            join(seen, count, row[r], most, work)
+
+
+@kernel
+def list_lines(lines_map, segment, cut, i, cfg, work):
+    """Write the lines that segment i may be of, at most OPTIONS, by their z-test values."""
+    option, values, found = work["option"][i], work["value"][i], 0
+    for j in range(lines_map["used"]):
+        if work["ahead"][j] > 0.0 and near_by(segment, j, cfg, work):
+            value = ztest(segment, cut, lines_map["closed"][j], j, cfg, work)
+            if value < math.inf:
+                k = found
+                while k > 0 and values[k - 1] > value:
+                    if k < OPTIONS:
+                        option[k], values[k] = option[k - 1], values[k - 1]
+                    k -= 1
+                if k < OPTIONS:
+                    option[k], values[k] = j, value
+                found = min(found + 1, OPTIONS)
+    work["options"][i] = found
+    work["choice"][i] = option[0] if found else NEW
+
+
+@kernel
+def extent(segment, j, work):
+    """Between which places along the image of line j a segment lies, focal lengths."""
+    p, u = work["p"][j], work["u"][j]
+    a = u[0] * (segment[0] - p[0]) + u[1] * (segment[1] - p[1])
+    b = u[0] * (segment[2] - p[0]) + u[1] * (segment[3] - p[1])
+    return min(a, b), max(a, b)
+
+
+@kernel
+def overlap(one, other, j, work):
+    """Whether two segments would show the same part of line j."""
+    a, b = extent(one, j, work)
+    c, d = extent(other, j, work)
+    return min(b, d) - max(a, c) > OVERLAP * min(b - a, d - c)
+
+
+@kernel
+def crowded(seen, count, i, j, work):
+    """Whether segment i overlaps one that line j has been given."""
+    for other in range(count):
+        if other != i and work["choice"][other] == j and overlap(seen[i], seen[other], j, work):
+            return True
+    return False
+
+
+@kernel
+def contested(seen, count, work):
+    """Write into work["row"] the segments that overlap another one of their line; how many."""
+    rows = 0
+    for j in range(work["holders"].shape[0]):
+        work["holders"][j] = 0
+    for i in range(count):
+        work["marked"][i] = 0
+        if work["choice"][i] >= 0:
+            work["holders"][work["choice"][i]] += 1
+    for i in range(count):
+        j = work["choice"][i]
+        if j >= 0 and work["holders"][j] > 1 and crowded(seen, count, i, j, work):
+            work["row"][rows], work["marked"][i] = i, 1
+            rows += 1
+    return rows
+
+
+@kernel
+def gather(seen, count, rows, work):
+    """Add to work["row"] whatever overlaps one of these on a line that both may be of; how many.
+
+    All others keep their lines, whatever these get.
+    """
+    row, r = work["row"], 0
+    while r < rows:
+        i = row[r]
+        for k in range(work["options"][i]):
+            j = work["option"][i, k]
+            for other in range(count):
+                free = work["choice"][other] == j and work["marked"][other] == 0
+                if free and overlap(seen[i], seen[other], j, work):
+                    row[rows], work["marked"][other] = other, 1
+                    rows += 1
+        r += 1
+    return rows
+
+
+@kernel
+def join(seen, count, i, most, work):
+    """Give segment i, which got no line for itself, the best one that it is a free part of."""
+    for k in range(work["options"][i]):
+        j = work["option"][i, k]
+        if work["value"][i, k] <= most and not crowded(seen, count, i, j, work):
+            work["choice"][i] = j
+            return
 
 
 @kernel

@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visenvs.core.config import to_record
+from visenvs.core.frames import rotate
 from visenvs.core.lanes import Task
 from visenvs.core.pinhole import project
+from visenvs.dynamics.quadrotor import attitude
 from visenvs.envs.avoidance import AvoidanceConfig
 from visenvs.render import legend, style
 from visenvs.render.canvas import Panel, Points
@@ -99,9 +101,11 @@ def windows(image: Image, first: np.void, config: AvoidanceConfig) -> tuple[Pane
     return Panel(image, *TOP_VIEW, above, scale), Panel(image, *SIDE_VIEW, beside, scale)
 
 
-def tracks(record: np.void) -> list[tuple[Points, Points, float]]:
+def tracks(record: np.void, config: AvoidanceConfig) -> list[tuple[Points, Points, float]]:
     """What the row tells: estimates relative to the vehicle (3,), covariances (3, 3), radii."""
     out: list[tuple[Points, Points, float]] = []
+    if config.observation == "pixels":
+        return out
     for k in np.flatnonzero(record["valid_O"] == 1.0):
         L = np.zeros((3, 3))
         L[np.tril_indices(3)] = record["chol_OV"][k]
@@ -122,7 +126,7 @@ def draw_plane(
         path: positions flown in N, shape (n, 3).
     """
     vehicle, velocity = rows @ record["r_V_N"], rows @ record["v_V_N"]
-    found = [(vehicle + rows @ r, rows @ P @ rows.T, d) for r, P, d in tracks(record)]
+    found = [(vehicle + rows @ r, rows @ P @ rows.T, d) for r, P, d in tracks(record, config)]
     waypoint = rows @ np.array(config.waypoint)
     panel.clear()
     for point, radius in obstacles(record):
@@ -160,12 +164,17 @@ def draw_camera(image: Image, record: np.void, config: AvoidanceConfig) -> None:
     """Draw what the camera sees: safety spheres, what was measured, and what was expected."""
     shown = min(config.half_width, WIDEST)
     panel = Panel(image, *CAMERA, (0.0, 0.0), CAMERA[2] / 2 / shown)
-    pixels, C = image_points(record, config), np.eye(3)
+    pixels, C = image_points(record, config), np.empty((3, 3))
+    attitude(record["q_V"], C)
     panel.clear(style.WHITE if len(pixels) else style.GRID)
+    if config.observation == "pixels":
+        show_picture(panel, record, config, config.frame)
+        close_camera(panel, True, f"±{math.degrees(math.atan(shown)):.0f}°")
+        return
     if config.perception == "images":
-        show_picture(panel, record, config)
-    for r, P, _ in tracks(record):
-        if r[0] > config.min_range:
+        show_picture(panel, record, config, config.picture)
+    for r, P, _ in tracks(record, config):
+        if rotate(C, r)[0] > config.min_range:
             point, spread = predicted_point(C, r, P, config.min_range)
             if config.perception == "points":
                 panel.fill(panel.ellipse(point, spread, 3.0), style.PALE_BLUE)
@@ -176,18 +185,33 @@ def draw_camera(image: Image, record: np.void, config: AvoidanceConfig) -> None:
         if depth > config.min_range:
             panel.disc((y, -z), radius / depth * panel.scale, style.VERMILLION, 1)
             panel.disc((y, -z), 2.5, style.VERMILLION)
+    if config.dynamics == "quadrotor":
+        draw_horizon(panel, C)
     for pixel in pixels:
         panel.cross(pixel, style.INK)
         panel.pointer(pixel, style.INK)
     close_camera(panel, len(pixels) > 0, f"±{math.degrees(math.atan(shown)):.0f}°")
 
 
-def show_picture(panel: Panel, record: np.void, config: AvoidanceConfig) -> None:
-    """Draw the picture that the detector read."""
+def draw_horizon(panel: Panel, C: Points) -> None:
+    """Draw where a tilted camera C_CN sees the horizon, (1, y, z) C d = 0, and write the tilt."""
+    ahead, normal = C[0, 2], C[1:, 2] * (1.0, -1.0)  # d is down in N; (right, up)
+    square = float(normal @ normal)
+    if square > 1e-6:
+        along = np.array([-normal[1], normal[0]]) / math.sqrt(square)
+        reach = 2.0 * panel.width / panel.scale
+        middle = -ahead / square * normal
+        panel.line([middle - reach * along, middle + reach * along], style.GREEN, 1)
+    tilt = f"tilt {math.degrees(math.acos(min(max(C[2, 2], -1.0), 1.0))):.0f}°"
+    style.write(panel.view, tilt, (5, panel.height - 7), 12, style.GREY)
+
+
+def show_picture(panel: Panel, record: np.void, config: AvoidanceConfig, side: int) -> None:
+    """Draw the picture that the detector or the policy read, so many pixels wide."""
     from visenvs.envs._avoidance_images import picture
 
     half = config.half_width * np.ones(2)
-    panel.show(picture(record, to_record(config)[0], config.picture), -half, half)
+    panel.show(picture(record, to_record(config)[0], side), -half, half)
 
 
 def image_points(record: np.void, config: AvoidanceConfig) -> Points:
@@ -210,7 +234,7 @@ def draw_status(image: Image, record: np.void, config: AvoidanceConfig) -> None:
             f"{figures(separation)} radii",
             style.VERMILLION if inside else style.INK,
         ),
-        ("obstacles tracked", f"{len(tracks(record))}", style.BLUE),
+        ("obstacles tracked", f"{len(tracks(record, config))}", style.BLUE),
         ("cost so far", f"{figures(float(record['total_cost']))} m²/s³", style.INK),
     )
     draw_figures(image, rows, record, config.waypoint[0] / config.velocity[0], STATUS)

@@ -1,0 +1,133 @@
+"""Networks as stable-baselines3 builds them, with readers of our own for lists and pictures.
+
+torch and stable-baselines3 are imported only when a network is built.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from gymnasium.spaces import Box
+
+from visenvs.core.lanes import Task
+from visenvs.core.layout import Choices, Layout
+
+from .architecture import CHOOSING, FIRST_LAYER, LINEAR, Architecture
+
+
+def set_network(layout: Layout, width: int) -> dict[str, Any]:
+    """Arguments of an SB3 policy that reads the things that a row lists in any order."""
+    from .sets import SetNetwork
+
+    settings = {"layout": layout, "width": width}
+    return {
+        "features_extractor_class": SetNetwork,
+        "features_extractor_kwargs": settings,
+        "share_features_extractor": False,  # large values would drown what the actor learns
+    }
+
+
+def picture_network(width: int) -> dict[str, Any]:
+    """Arguments of an SB3 policy that reads pictures."""
+    from .pictures import PictureNetwork
+
+    return {
+        "features_extractor_class": PictureNetwork,
+        "features_extractor_kwargs": {"width": width},
+    }
+
+
+def choice_network(task: Task, width: int) -> tuple[Any, dict[str, Any]]:
+    """Class and arguments of an SB3 policy that chooses among listed things in any order."""
+    from .choosing import SetChoicePolicy
+
+    return SetChoicePolicy, {"choices": task.action, "layout": task.observation, "width": width}
+
+
+def rebuild(arch: Architecture, weights: dict[str, Any], task: Task, path: Path) -> Any:
+    """The SB3 policy of this architecture with these weights; a ValueError if they do not fit."""
+    from torch import nn
+
+    if CHOOSING in weights and isinstance(task.action, Choices):
+        chooser, choosing = choice_network(task, arch.sets)
+        return _fill(chooser(*_spaces(task), _no_training, **choosing), weights, arch, task, path)
+    kwargs: dict[str, Any] = {
+        "net_arch": arch.net_arch,
+        "activation_fn": getattr(nn, arch.activation),
+    }
+    if arch.algo == "recurrent_ppo":
+        kwargs |= {
+            "lstm_hidden_size": arch.lstm,
+            "enable_critic_lstm": "lstm_critic.weight_ih_l0" in weights,
+        }
+    if "log_std" in weights and weights["log_std"].ndim == 2:
+        kwargs["use_sde"] = True  # exploration that depends on the state
+    algo = "maskable_ppo" if isinstance(task.action, Choices) else arch.algo
+    policy_class = algorithm_class(algo).policy_aliases[
+        "MlpLstmPolicy" if arch.lstm else "MlpPolicy"
+    ]
+    layer = FIRST_LAYER[arch.algo]
+    size = int(weights[layer if layer in weights else LINEAR].shape[1])
+    if arch.pictures:
+        if task.frames is None:
+            raise ValueError(
+                f"{path} reads pictures, {task.id} gives {task.observation.size} numbers; write "
+                f"observation='pixels', or train with `python -m train.sb3 --env {task.id}`"
+            )
+        kwargs |= picture_network(arch.pictures)
+    elif arch.sets and any(field.each > 1 for field in task.observation.fields):
+        kwargs |= set_network(task.observation, arch.sets)
+    elif size != task.observation.size:
+        raise wrong_space(path, task, (size,))
+    policy = policy_class(*_spaces(task), _no_training, **kwargs)
+    return _fill(policy, weights, arch, task, path)
+
+
+def _spaces(task: Task) -> tuple[Any, Any]:
+    seen = task.space
+    if task.frames is not None:  # SB3 puts the channels of pictures first
+        seen = Box(0, 255, (seen.shape[2], *seen.shape[:2]), np.uint8)
+    return seen, task.action.space
+
+
+def _fill(policy: Any, weights: dict[str, Any], arch: Architecture, task: Task, path: Path) -> Any:
+    try:
+        policy.load_state_dict(weights)
+    except RuntimeError as error:
+        raise ValueError(
+            f"{path}: the weights do not fit {arch.algo} on {task.id}: {error}"
+        ) from None
+    return policy
+
+
+def _no_training(_left: float) -> float:
+    return 0.0
+
+
+def algorithm_class(algo: str) -> Any:
+    """The SB3 algorithm of this name."""
+    import stable_baselines3
+    from sb3_contrib import MaskablePPO, RecurrentPPO
+
+    classes = {
+        "maskable_ppo": MaskablePPO,
+        "ppo": stable_baselines3.PPO,
+        "sac": stable_baselines3.SAC,
+        "td3": stable_baselines3.TD3,
+    }
+    return {**classes, "recurrent_ppo": RecurrentPPO}[algo]
+
+
+def wrong_space(path: Path, task: Task, shape: tuple[int, ...]) -> ValueError:
+    """The error that a network reads something else than the task gives."""
+    trained, given = (
+        f"{size[0]} numbers" if len(size) == 1 else f"pictures {size}"
+        for size in (shape, task.space.shape)
+    )
+    names = f" ({', '.join(task.observation.names)})" if task.frames is None else ""
+    return ValueError(
+        f"{path} was trained on observations of {trained}, {task.id} gives "
+        f"{given}{names}; train with `python -m train.sb3 --env {task.id}`"
+    )
