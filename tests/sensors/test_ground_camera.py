@@ -163,8 +163,9 @@ def test_false_detections_fill_a_tilted_picture():
 
 
 def test_nothing_is_found_beyond_the_horizon():
-    cfg = settings(false_detections=3.0)
-    found = pictures([[0.0, 0.0], [30.0, 0.0], [-1.0, 0.0]], pose(pitch=1.2), cfg, 40)
-    places = np.vstack([seen for seen, _ in found])
-    assert 0 < len(places) < 3 * 40
-    assert (places[:, 0] > -0.1).all() and np.hypot(*places.T).max() < 3.0 / 0.04
+    """Some of three false detections a picture would lie in the sky."""
+    cfg, where = settings(false_detections=3.0), pose(pitch=1.2)
+    places = np.vstack([seen for seen, _ in pictures(np.zeros((0, 2)), where, cfg, 40)])
+    assert 40 < len(places) < 3 * 40
+    assert (places[:, 0] > 0.0).all() and np.hypot(*places.T).max() < 2.9 / 0.03
+    assert in_view(where, 8.0, 0.0, 0.0, cfg) and not in_view(where, -8.0, 0.0, 0.0, cfg)
