@@ -16,7 +16,7 @@ from visenvs.dynamics.ground_robot import ACTIVE, ROBOTS, drive_all
 from visenvs.envs._herding_config import HerdingConfig
 from visenvs.estimation import herd
 from visenvs.guidance.ddp import DDPConfig, make_tape
-from visenvs.sensors.ground_camera import FALSE, look
+from visenvs.sensors.ground_camera import FALSE, look, mount
 
 from ..cases._iarc import ARENA
 from ..cases.ddp import SETS, STEPS, all_sets
@@ -74,7 +74,9 @@ def driven(config: HerdingConfig) -> NDArray[np.float64]:
 def pictures(config: HerdingConfig) -> Portion:
     """Half a minute of pictures, in one compiled loop."""
     places, settings = driven(config), to_record(config)
-    active, pose = np.ones(ROBOTS), np.array([0.0, 0.0, -config.cruise, 0.0])
+    active, pose = np.ones(ROBOTS), np.zeros((4, 3))
+    pose[0, 2] = -config.cruise
+    mount(np.eye(3), pose)
     bank, work = np.zeros(1, herd.bank_dtype()), np.zeros(1, herd.work_dtype())
     seen, labels = np.zeros((ROBOTS + FALSE, 2)), np.zeros(ROBOTS + FALSE)
 

@@ -19,9 +19,9 @@ from visenvs.core.noise import normal, uniform
 from visenvs.dynamics import lander
 from visenvs.dynamics.ground_robot import ACTIVE, NOISE, REVERSE, RUN, drive_robot, enter
 from visenvs.envs import _herding_navigation as navigation
-from visenvs.envs._herding_images import ALTIMETER, IMU, NADIR, SIGMA, camera, take
+from visenvs.envs._herding_images import ALTIMETER, IMU, NADIR, SIGMA, camera, period, take
 from visenvs.estimation import mmae
-from visenvs.sensors.ground_camera import pixel_size
+from visenvs.sensors.ground_camera import TOP, pixel_size, size_at
 from visenvs.sensors.images.ground_robots import Expected, Finding, View, track
 
 from . import Row, standard_error
@@ -61,8 +61,8 @@ class Flight:
         c, s = math.cos(heading), math.sin(heading)
         lane["r_R_N"][1 : 1 + others] = np.array(SIDE_BY_SIDE) @ [[c, s], [-s, c]]
         self.optics = camera(cfg)
-        navigation.start(self.own, self.optics, NADIR, self.tick, IMU)
-        self.filter = navigation.navigator(self.own, self.optics, NADIR, self.tick)
+        navigation.start(self.own, self.optics, NADIR, period(cfg), IMU)
+        self.filter = navigation.navigator(self.own, self.optics, NADIR, period(cfg))
         self.x, self.P = np.zeros((2, 3)), np.zeros((2, 3, 3))
         self.p_spin, self.spun = mmae.LEAST, mmae.NEVER
         self.work, self.a = np.zeros(1, mmae.SCRATCH)[0], np.zeros(2)
@@ -114,7 +114,7 @@ class Flight:
     def use(self, found: Finding, view: View) -> None:
         """Use a finding in both models."""
         least, most = mmae.LEAST, 1.0 - mmae.LEAST
-        pose = np.array([*view.r_V_N, 0.0])
+        pose = np.vstack([view.r_V_N, view.C])
         variance = float(SIGMA * pixel_size(pose, self.cfg)) ** 2
         place, models = np.array(found.place), (self.x, self.P)
         p = mmae.update(*models, self.p_spin, place, variance, least, most, self.work)
@@ -148,7 +148,7 @@ def fly(seed: int) -> tuple[NDArray[Any], Values, Values]:
             flight.believe(r + lane["off_N"], turned)
         flight.follow()
         place = lane["r_V_N"] - lane["off_N"]
-        size = float(pixel_size(np.array([*place, -lane["height"], 0.0]), cfg))
+        size = float(size_at(lane["height"] - TOP, cfg))
         step["t"], step["heading"], step["r"] = lane["t"], heading, r
         *step["rhat"], step["heading_hat"] = (*flight.expected().place, flight.expected().heading)
         step["p_spin"], step["spinning"] = flight.p_spin, lane["mode"][0] == REVERSE

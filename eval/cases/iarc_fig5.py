@@ -50,7 +50,7 @@ STEP = np.dtype(
 WORK = np.dtype(
     [
         ("filter", mmae.SCRATCH), ("x", "f8", (2, 3)), ("P", "f8", (2, 3, 3)),
-        ("pose", "f8", 4), ("v", "f8", 2), ("a", "f8", 2), ("active", "f8", 1),
+        ("pose", "f8", (4, 3)), ("v", "f8", 2), ("a", "f8", 2), ("active", "f8", 1),
         ("seen", "f8", (1 + FALSE, 2)), ("labels", "f8", 1 + FALSE),
     ]
 )  # fmt: skip
@@ -82,7 +82,8 @@ def begin(kind, arena, work):
     """Put the robot, the aircraft over it, and what is believed of it when it is found."""
     x, P = work["x"], work["P"]
     seed, episode = arena["seed"], arena["episode"]
-    work["pose"][2], work["active"][0] = -HEIGHT, 1.0
+    pose, work["active"][0] = work["pose"], 1.0
+    pose[0, 2], pose[1, 2], pose[2, 1], pose[3, 0] = -HEIGHT, 1.0, 1.0, -1.0
     arena["heading"][0] = 2.0 * math.pi * uniform(seed, episode, FIRST, 0, 0)
     P[:] = 0.0
     for m in range(2):
@@ -129,13 +130,13 @@ def fly(kind, seed, cfg, arena, work, out):
             for m in range(2):
                 work["x"][m, 0], work["x"][m, 1] = r[0, 0], r[0, 1]
         state = work["x"][1 if p_spin > 0.5 else 0]
-        lander.glide(pose[:2], work["v"], work["a"], state[:2], cfg)
+        lander.glide(pose[0, :2], work["v"], work["a"], state[:2], cfg)
         size = pixel_size(pose, cfg)
         s["t"], s["heading"], s["heading_hat"] = arena["t"], arena["heading"][0], state[2]
         s["p_spin"], s["spinning"] = p_spin, 1.0 if arena["mode"][0] == REVERSE else 0.0
         for i in range(2):
             s["r"][i], s["rhat"][i] = r[0, i], state[i]
-            s["image"][i] = (r[0, 1 - i] - pose[1 - i]) / size
+            s["image"][i] = (r[0, 1 - i] - pose[0, 1 - i]) / size
 
 
 @cache

@@ -98,12 +98,12 @@ def test_landing_in_front_turns_a_robot_about(landing):
 
 def test_a_planned_landing_ends_slowly_in_the_robots_path_and_within_limits():
     lane, cfg, work = alone().records[0], to_record(SCENARIOS["firmware"])[0], np.zeros(1, WORK)[0]
-    ahead, pose, plan = lane["track_r_N"], work["pose"], work["plan"]
+    ahead, pose, plan, flight = lane["track_r_N"], work["pose"], work["plan"], work["flight"]
     lane["r_V_N"] = np.add(ahead[:2], (0.9, 0.4))
     begin_landing(lane, 0, cfg, pose, plan)
     most, fastest = 0.0, 0.0
     while lane["height"] > 0.0:
-        land_by_plan(lane, 0, cfg, pose, plan)
+        land_by_plan(lane, 0, cfg, pose, plan, flight)
         ahead[0] += cfg["speed"] * cfg["tick"]
         lane["track_phase"][0] += cfg["tick"]
         most = max(most, math.hypot(*lane["u"][0]))

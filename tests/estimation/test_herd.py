@@ -11,7 +11,7 @@ from visenvs.envs._herding_config import HerdingConfig
 from visenvs.estimation import herd, robot_clock
 from visenvs.estimation.herd import FINISHED, NONE, TRACKED
 from visenvs.estimation.mmae import NEVER
-from visenvs.sensors.ground_camera import in_view, pixel_size
+from visenvs.sensors.ground_camera import in_view, mount, pixel_size
 
 pytestmark = pytest.mark.kernel
 
@@ -25,11 +25,13 @@ def settings(**changes):
 class Scene:
     """Robots that drive straight and reverse every 20 s, a camera, and a bank."""
 
-    def __init__(self, r, headings, pose=(0.0, 0.0, -3.0, 0.0), seed=0, **changes):
+    def __init__(self, r, headings, place=(0.0, 0.0, -3.0), seed=0, **changes):
         self.cfg, self.rng = settings(**changes), np.random.default_rng(seed)
         self.r, self.headings = np.array(r, float), np.array(headings, float)
         self.there, self.left = np.ones(len(r), bool), np.zeros(len(r))
-        self.pose, self.t, self.extra = np.array(pose), 0.0, []
+        self.pose, self.t, self.extra = np.zeros((4, 3)), 0.0, []
+        self.pose[0] = place
+        mount(np.eye(3), self.pose)
         self.bank = np.zeros(1, herd.bank_dtype())[0]  # one size: each would be compiled anew
         self.work = np.zeros(1, herd.work_dtype())[0]
         herd.start(self.bank)
@@ -112,7 +114,7 @@ def test_robots_that_pass_each_other_keep_their_tracks():
 
 def test_out_of_sight_a_track_goes_by_the_clock():
     scene = Scene([[0.0, 0.0]], [0.0]).begin().run(2.0)
-    scene.pose[2] = 0.0  # on the ground it sees nothing
+    scene.pose[0, 2] = 0.0  # on the ground it sees nothing
     scene.run(27.0)
     away, off = scene.errors()
     assert scene.bank["status"][0] == TRACKED and scene.bank["age"][0] == pytest.approx(
@@ -127,7 +129,7 @@ def test_a_reversal_by_the_clock_sets_it_right():
     scene = Scene([[-2.0, 0.0]], [0.0]).begin()
     scene.bank["phase"][0], scene.bank["sd_phase"][0] = 1.0, 0.5  # wrong by a second
     for _ in range(21):
-        scene.pose[:2] = scene.r[0]
+        scene.pose[0, :2] = scene.r[0]
         scene.run(1.0)
     assert scene.bank["p_spin"][0] > 0.9
     scene.run(3.0)
@@ -189,7 +191,7 @@ def test_one_false_finding_changes_no_track():
 
 
 def test_a_robot_that_leaves_is_finished():
-    scene = Scene([[9.0, 0.0]], [0.0], pose=(8.0, 0.0, -3.0, 0.0)).begin().run(3.0)
+    scene = Scene([[9.0, 0.0]], [0.0], place=(8.0, 0.0, -3.0)).begin().run(3.0)
     assert scene.bank["status"][0] == TRACKED
     scene.there[0] = False
     scene.run(3.0)
@@ -203,9 +205,9 @@ def test_the_search_goes_on_where_the_robot_can_still_be():
         scene.run(1.0)
         leader = scene.bank["r_N"][0]
         assert scene.bank["status"][0] != NONE
-        scene.pose[:2] = leader
+        scene.pose[0, :2] = leader
     assert scene.bank["sd_r"][0] > 1.5
-    scene.there[0], scene.r[0], scene.headings[0] = True, scene.pose[:2] + 0.5, 2.0
+    scene.there[0], scene.r[0], scene.headings[0] = True, scene.pose[0, :2] + 0.5, 2.0
     scene.run(1.5)
     away, off = scene.errors()
     assert scene.bank["age"][0] < 0.3 and away[0] < 0.15 and off[0] < 0.6
@@ -228,7 +230,7 @@ def test_the_same_pictures_make_the_same_tracks():
 def test_numbers_stay_numbers_through_everything():
     scene = Scene(*circle(6), seed=2, false_detections=0.3)
     for _ in range(40):
-        scene.pose[:2] = scene.rng.uniform(-9, 9, 2)
+        scene.pose[0, :2] = scene.rng.uniform(-9, 9, 2)
         scene.extra = [scene.rng.uniform(-9, 9, 2)]
         scene.run(1.0)
     for name in ("r_N", "heading", "p_spin", "phase", "sd_r", "sd_heading", "sd_phase", "age"):

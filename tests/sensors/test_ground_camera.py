@@ -5,8 +5,20 @@ import math
 import numpy as np
 import pytest
 from scipy import stats
+from scipy.spatial.transform import Rotation
 
-from visenvs.sensors.ground_camera import FALSE, NOTHING, TOP, in_view, look, pixel_size
+from visenvs.sensors.ground_camera import (
+    FALSE,
+    HEIGHT,
+    NOTHING,
+    TOP,
+    WIDTH,
+    in_view,
+    look,
+    mount,
+    pixel_size,
+    stretch,
+)
 
 pytestmark = pytest.mark.kernel
 
@@ -22,8 +34,22 @@ def settings(fov=90.0, sigma_pixel=2.0, p_detect=1.0, false_detections=0.0):
     return out[()]
 
 
-def pose(north=0.0, east=0.0, height=3.0, heading=0.0):
-    return np.array([north, east, -height, heading])
+def pose(north=0.0, east=0.0, height=3.0, heading=0.0, pitch=0.0, roll=0.0):
+    out = np.zeros((4, 3))
+    out[0] = north, east, -height
+    C_BN = Rotation.from_euler("ZYX", [heading, pitch, roll]).as_matrix().T
+    mount(np.ascontiguousarray(C_BN), out)
+    return out
+
+
+TILTED = {"north": 1.0, "east": -2.0, "heading": 0.4, "pitch": -0.28, "roll": 0.17}
+
+
+def pixels(where, places, cfg):
+    """Columns and rows from the middle of the picture, as of a pinhole, pixels."""
+    r = np.insert(np.asarray(places) - where[0, :2], 2, -where[0, 2] - TOP, axis=1) @ where[1:].T
+    assert (r[:, 0] > 0.0).all()
+    return r[:, 1:] / r[:, :1] * 0.5 * WIDTH / math.tan(0.5 * cfg["fov"])
 
 
 def pictures(r, where, cfg, count=400, seed=3):
@@ -95,3 +121,51 @@ def test_a_robot_more_changes_nothing_for_the_others():
 def test_robots_that_are_not_there_are_not_found():
     seen, labels = np.zeros((1 + FALSE, 2)), np.zeros(1 + FALSE)
     assert look(pose(), np.zeros((1, 2)), np.zeros(1), settings(), 0, 0, 0, 0, seen, labels) == 0
+
+
+# a camera that tilts
+
+
+def test_what_a_tilted_camera_sees_is_in_its_picture():
+    cfg, where, rng = settings(fov=70.0), pose(**TILTED), np.random.default_rng(0)
+    places = where[0, :2] + rng.uniform(-4.0, 4.0, (400, 2))
+    inside = np.all(np.abs(pixels(where, places, cfg)) < (0.5 * WIDTH, 0.5 * HEIGHT), axis=1)
+    assert [in_view(where, *place, 0.0, cfg) for place in places] == inside.tolist()
+    assert 40 < inside.sum() < 300
+
+
+@pytest.mark.parametrize("pitch, seen", [(0.0, True), (-0.1, True), (0.1, False)])
+def test_a_robot_at_the_edge_is_lost_by_tilt(pitch, seen):
+    """Nose down it is seen farther back, nose up farther ahead."""
+    cfg, back = settings(), -0.74 * (3.0 - TOP)
+    assert in_view(pose(pitch=pitch), back, 0.0, 0.0, cfg) == seen
+    assert in_view(pose(pitch=-pitch), -back, 0.0, 0.0, cfg) == seen
+
+
+def test_the_noise_is_of_pixels_whatever_the_tilt():
+    cfg, where, place = settings(), pose(**TILTED), np.array([-1.2, -4.0])
+    found = np.vstack([seen for seen, _ in pictures([place], where, cfg)])
+    noise = (pixels(where, found, cfg) - pixels(where, [place], cfg)) / cfg["sigma_pixel"]
+    assert stats.kstest(noise.ravel(), "norm").pvalue > 1e-3
+    area = np.linalg.det(np.cov((found - place).T)) ** 0.25  # mean of both deviations
+    assumed = cfg["sigma_pixel"] * pixel_size(where, cfg) * stretch(where, *place)
+    assert area == pytest.approx(assumed, rel=0.1)
+    assert stretch(where, *place) > 1.4
+    assert stretch(pose(), *place) == 1.0
+
+
+def test_false_detections_fill_a_tilted_picture():
+    cfg, where = settings(false_detections=0.6), pose(**TILTED)
+    places = np.vstack([seen for seen, _ in pictures(np.zeros((0, 2)), where, cfg)])
+    column, row = pixels(where, places, cfg).T
+    assert stats.kstest(column / WIDTH, "uniform", args=(-0.5, 1.0)).pvalue > 1e-3
+    assert stats.kstest(row / HEIGHT, "uniform", args=(-0.5, 1.0)).pvalue > 1e-3
+
+
+def test_nothing_is_found_beyond_the_horizon():
+    """Some of three false detections a picture would lie in the sky."""
+    cfg, where = settings(false_detections=3.0), pose(pitch=1.2)
+    places = np.vstack([seen for seen, _ in pictures(np.zeros((0, 2)), where, cfg, 40)])
+    assert 40 < len(places) < 3 * 40
+    assert (places[:, 0] > 0.0).all() and np.hypot(*places.T).max() < 2.9 / 0.03
+    assert in_view(where, 8.0, 0.0, 0.0, cfg) and not in_view(where, -8.0, 0.0, 0.0, cfg)

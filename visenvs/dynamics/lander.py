@@ -2,7 +2,8 @@
 
 Level flight is a point mass under the paper's position control (IARC section V: PID, at most
 2.13 m/s and 3.05 m/s^2 in any direction). Without wind and drag its integral has nothing to do and
-is left out. Up and down it moves at one speed each.
+is left out. Up and down it moves at one speed each. What has no perfect control of its velocity
+follows the same commands by the accelerations here.
 """
 
 from __future__ import annotations
@@ -14,6 +15,8 @@ from visenvs.dynamics.point_mass import move, saturate
 
 STIFFNESS = 9.0  # of the position control, 1/s^2
 DAMPING = 6.0  # 1/s; critical: 2 sqrt(STIFFNESS)
+SINK_GAIN = 8.0  # of the loop that holds the speed of a descent or a climb, 1/s,
+HEIGHT_GAIN = 4.0  # and of the one around it that ends them, 1/s
 
 
 @kernel
@@ -46,6 +49,21 @@ def follow_velocity(r, v, a, command, cfg):
         a[i] = (command[i] - v[i]) / cfg["tick"]
     saturate(a, cfg["a_max"], a)
     move(r, v, a, cfg["tick"])
+
+
+@kernel
+def approach_velocity(v, a, command, share, cfg):
+    """Acceleration (m/s^2) towards a share of a velocity (N, m/s), written to `a`."""
+    for i in range(2):
+        a[i] = DAMPING * (share * command[i] - v[i])
+    saturate(a, cfg["a_max"], a)
+
+
+@kernel
+def sink_acceleration(height, sink, goal, cfg):
+    """Acceleration down (m/s^2) on the way to a height `goal` (m); sink: speed down, m/s."""
+    wanted = min(max(HEIGHT_GAIN * (height - goal), -cfg["v_climb"]), cfg["v_descent"])
+    return SINK_GAIN * (wanted - sink)
 
 
 @kernel

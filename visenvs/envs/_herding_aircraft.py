@@ -6,8 +6,8 @@ import math
 
 from visenvs.core.compile import kernel
 from visenvs.core.noise import normal_pair
-from visenvs.dynamics.lander import descend_or_climb, follow_velocity, glide
 from visenvs.envs._herding_config import BY_PLAN
+from visenvs.envs._herding_flight import at_cruise, fly_at, fly_to, stand
 from visenvs.envs._herding_landing import begin_landing, land_by_plan
 from visenvs.guidance.choices import GO, HOVER, LOOK, meaning, place_of
 from visenvs.guidance.interception import BLOCK, TAP, aim_at, descent_time, meet
@@ -58,9 +58,8 @@ def fly(lane, others, m, cfg, work):
     elif stage == GROUND:
         stay(lane, cfg)
     else:
-        lane["height"] = descend_or_climb(lane["height"], cfg["cruise"], cfg)
-        glide(lane["r_V_N"], lane["v_V_N"], lane["a_V_N"], lane["aim_N"], cfg)
-        if lane["height"] >= cfg["cruise"]:
+        fly_to(lane, cfg["cruise"], cfg, work["flight"])
+        if at_cruise(lane, cfg):
             enter(lane, CRUISE)
             lane["service"] = HOVER
 
@@ -95,7 +94,7 @@ def approach(lane, others, m, cfg, work):
     else:
         serving = False
     make_way(lane, others, m)
-    glide(lane["r_V_N"], lane["v_V_N"], lane["a_V_N"], lane["aim_N"], cfg)
+    fly_to(lane, cfg["cruise"], cfg, work["flight"])
     fresh = serving and lane["track_age"][i] < FRESH
     if fresh and lane["delay"] == 0.0 and off_aim(lane) < NEAR:
         enter(lane, DESCENT)
@@ -128,7 +127,7 @@ def come_down(lane, cfg, work):
         break_off(lane)
         return
     if planned(lane, cfg):
-        off = land_by_plan(lane, i, cfg, work["pose"], work["plan"])
+        off = land_by_plan(lane, i, cfg, work["pose"], work["plan"], work["flight"])
     else:
         off = sink_to_aim(lane, i, cfg, work)
     if off > ASTRAY:
@@ -161,15 +160,14 @@ def sink_to_aim(lane, i, cfg, work):
         lane["aim_N"][k] += lane["miss_N"][k]
     off = off_aim(lane)
     if off <= ASTRAY:
-        glide(lane["r_V_N"], lane["v_V_N"], lane["a_V_N"], lane["aim_N"], cfg)
-        floor = cfg["top_height"] if kind == TAP else 0.0
-        lane["height"] = descend_or_climb(lane["height"], floor, cfg)
+        fly_to(lane, cfg["top_height"] if kind == TAP else 0.0, cfg, work["flight"])
     return off
 
 
 @kernel
 def stay(lane, cfg):
     """Wait on the ground for a bump, then leave."""
+    stand(lane)
     felt = lane["landed"] != 0
     if lane["stage_t"] >= cfg["dwell"] + (0.0 if felt else cfg["patience"]):
         lane["aborts"] += 0.0 if felt else 1.0
@@ -185,16 +183,12 @@ def leave(lane):
 
 
 @kernel
-def obey(lane, cfg):
+def obey(lane, cfg, work):
     """One tick under a velocity set-point: level flight, and up or down."""
     lane["stage_t"] += cfg["tick"]
-    top, down = lane["height"], lane["down"] > 0.0
-    lane["height"] = descend_or_climb(top, 0.0 if down else cfg["cruise"], cfg)
-    if lane["height"] < cfg["solid_height"]:
-        lane["v_V_N"][0] = lane["v_V_N"][1] = 0.0
-    else:
-        follow_velocity(lane["r_V_N"], lane["v_V_N"], lane["a_V_N"], lane["command"], cfg)
-    if lane["height"] >= cfg["cruise"]:
+    down = lane["down"] > 0.0
+    fly_at(lane, 0.0 if down else cfg["cruise"], cfg, work["flight"])
+    if at_cruise(lane, cfg):
         stage = CRUISE
     elif lane["height"] <= 0.0:
         stage = GROUND

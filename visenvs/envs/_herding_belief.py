@@ -7,13 +7,14 @@ import math
 from visenvs.core.compile import kernel
 from visenvs.core.noise import uniform
 from visenvs.core.outcome import RUNNING
+from visenvs.dynamics import quadrotor
 from visenvs.dynamics.ground_robot import ABSENT, ACTIVE, OBSTACLES, ROBOTS, spinning
 from visenvs.envs._herding_aircraft import CRUISE, TRACKED
 from visenvs.envs._herding_config import BLOCK_ONLY, IMAGES, TRUTH, VIO
 from visenvs.estimation import herd
 from visenvs.guidance.choices import DELAYS, FIRST_PLACE, SIDE, look_at, number_of
 from visenvs.guidance.interception import BLOCK, TAP, meet
-from visenvs.sensors.ground_camera import in_view, look
+from visenvs.sensors.ground_camera import in_view, look, mount
 
 NONE, FINISHED = 0.0, 2.0  # status of a track
 CAMERA = 8  # noise stream of the first aircraft's camera; each further one has the next
@@ -102,7 +103,9 @@ def note_touch(lane, cfg):
 def take_picture(lane, arena, cfg, work):
     """Look down, and let every filter use what is found."""
     pose, active = work["camera"], work["active"]
-    pose[0], pose[1], pose[2] = lane["r_V_N"][0], lane["r_V_N"][1], -lane["height"]
+    pose[0, 0], pose[0, 1], pose[0, 2] = lane["r_V_N"][0], lane["r_V_N"][1], -lane["height"]
+    quadrotor.attitude(lane["q_V"], work["C_BN"])
+    mount(work["C_BN"], pose)
     for k in range(ROBOTS):
         active[k] = 1.0 if arena["fate"][k] == ACTIVE else 0.0
     see_obstacles(lane, arena, pose, cfg)

@@ -10,6 +10,8 @@ from visenvs.core.config import code, require, validate
 from visenvs.dynamics.ground_robot import OBSTACLES, ROBOTS
 from visenvs.sensors.ground_camera import WIDTH as PIXELS
 
+SUBSTEPS = 10  # of the attitude loop in a tick, at most,
+COARSEST = 0.5  # and their length at most, in parts of 1 / bandwidth
 NOISE_FIRMWARE = math.degrees(0.064 / 0.258 * 0.85)  # wheels at +-0.032 m/s, 0.258 m apart
 
 
@@ -25,6 +27,7 @@ class HerdingConfig:
     arena: Literal["pymunk", "kinematic"] = "pymunk"  # who settles contacts
     action_mode: Literal["options", "velocity"] = "options"
     dt: float = 0.5  # from one decision to the next while an aircraft is free, s
+    dynamics: Literal["point_mass", "quadrotor"] = "point_mass"  # of the aircraft
     tick: float = 0.05  # step of the simulation, s
     t_f: float = 600.0  # end of the mission, s
     aircraft: int = 1  # that share the arena
@@ -52,6 +55,10 @@ class HerdingConfig:
     # aircraft
     v_max: float = 2.13  # m/s (IARC section V)
     a_max: float = 3.05  # m/s^2 (IARC section V)
+    bandwidth: float = 20.0  # of a quadrotor's attitude loop, rad/s,
+    damping: float = 0.8  # its damping ratio,
+    rate_max: float = 6.0  # its largest turn rate about each axis, rad/s,
+    substeps: int = 5  # and its steps in a tick, as many as its IMU has samples
     cruise: float = 3.0  # height, m
     v_descent: float = 1.0  # m/s
     v_climb: float = 1.0  # m/s
@@ -100,6 +107,10 @@ class HerdingConfig:
             noise_max=0 <= self.noise_max <= math.pi,
             v_max=self.v_max > 0,
             a_max=self.a_max > 0,
+            bandwidth=self.bandwidth > 0,
+            damping=self.damping > 0,
+            rate_max=self.rate_max > 0,
+            substeps=1 <= self.substeps <= SUBSTEPS,
             cruise=self.cruise > self.solid_height,
             v_descent=self.v_descent > 0,
             v_climb=self.v_climb > 0,
@@ -119,6 +130,13 @@ class HerdingConfig:
             score_minute=self.score_minute >= 0,
         )
         self._require_room()
+        most = COARSEST * self.substeps / self.tick
+        if self.dynamics == "quadrotor" and self.bandwidth > most:
+            raise ValueError(
+                f"HerdingConfig.bandwidth={self.bandwidth:g} with tick={self.tick:g}, "
+                f"substeps={self.substeps}: the attitude loop needs {1.0 / COARSEST:g} steps in "
+                f"1 / bandwidth; write `bandwidth={most:g}` or more substeps"
+            )
         if "images" in self.perception or "pixels" in self.observation:
             _require_camera(self)
         if self.navigation == "vio" and (self.perception, self.estimator) != ("images", "camera"):
@@ -178,6 +196,7 @@ IMAGES = code(HerdingConfig, "perception", "images")
 VIO = code(HerdingConfig, "navigation", "vio")
 BY_PLAN = code(HerdingConfig, "landing", "ddp")
 KINEMATIC = code(HerdingConfig, "arena", "kinematic")
+QUADROTOR = code(HerdingConfig, "dynamics", "quadrotor")
 VELOCITY = code(HerdingConfig, "action_mode", "velocity")
 BLOCK_ONLY = code(HerdingConfig, "services", "block")
 TOUCHED_ONLY = code(HerdingConfig, "count_only_touched", "yes")

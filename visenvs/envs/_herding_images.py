@@ -1,7 +1,8 @@
 """What the camera of a herding aircraft sees of the arena, and what is made of it.
 
 A picture depends on the records of a team alone, so that it can be drawn anew from any snapshot.
-The camera looks straight down, its long side east and west. A track in sight tells where its robot
+The camera looks along the aircraft's down axis, its long side east and west: straight down, but
+for a quadrotor that tilts. A track in sight tells where its robot
 is expected, by its covariance, and at which heading; the whole picture is searched where a robot
 may be of which that is not known, and now and then in any case (`searches`). What is found feeds
 the same bank of tracks as points do; only here, headings are found too.
@@ -20,10 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from visenvs.core.layout import Row
+from visenvs.dynamics import quadrotor
 from visenvs.dynamics.ground_robot import ACTIVE, CIRCLES, ROBOTS
 from visenvs.envs import _herding_navigation as navigation
 from visenvs.envs._herding_belief import POLES_SEEN, due, see_obstacles, take_in
-from visenvs.envs._herding_config import VIO
+from visenvs.envs._herding_config import QUADROTOR, VIO
 from visenvs.envs._herding_rules import FAR, POLES
 from visenvs.estimation import mmae
 from visenvs.estimation.robot_track import NONE, TRACKED
@@ -40,7 +42,7 @@ from visenvs.sensors.images.ground_robots import (
     others,
     track,
 )
-from visenvs.sensors.images.optics import Image, Optics
+from visenvs.sensors.images.optics import Image, Optics, Values
 from visenvs.sensors.images.robots import NO_PLATE, ROBOT
 
 PICTURE = POLES_SEEN + 4  # noise stream of the first aircraft's pictures; the others' follow
@@ -71,8 +73,15 @@ def picture(lane: np.void, arena: np.void, optics: Optics) -> Image:
         return np.zeros((optics.height, optics.width, 3), np.uint8)
     seed, episode, tick = (int(arena[name]) for name in ("seed", "episode", "tick"))
     floor = shared_arena(FIRST_FLOOR + (seed + episode) % FLOORS, True)
-    frame = floor.render(optics, NADIR, r_V_N, fleet(arena))
+    frame = floor.render(optics, attitude(lane), r_V_N, fleet(arena))
     return expose(frame, LENS, seed, episode, PICTURE + int(lane["agent"]), tick)
+
+
+def attitude(lane: np.void) -> Values:
+    """Attitude C_CN of the camera, (3, 3)."""
+    C_BN = np.empty((3, 3))
+    quadrotor.attitude(lane["q_V"], C_BN)
+    return NADIR @ C_BN
 
 
 def fleet(arena: np.void) -> NDArray[Any]:
@@ -102,7 +111,7 @@ def reset(lanes: NDArray[Any], config: NDArray[Any], begin: Callable[..., None])
     navigation.put_back(lanes, part)
     for i in range(len(lanes)):
         stream = IMU + int(lanes["agent"][i])
-        navigation.start(lanes[i : i + 1], camera(cfg), NADIR, float(cfg["tick"]), stream)
+        navigation.start(lanes[i : i + 1], camera(cfg), NADIR, period(cfg), stream)
 
 
 def step(
@@ -119,6 +128,12 @@ def step(
     navigation.put_back(lanes, part)
 
 
+def period(cfg: Any) -> float:
+    """From one sample of the IMU to the next, s."""
+    parts = cfg["substeps"] if cfg["dynamics"] == QUADROTOR else navigation.SAMPLES
+    return float(cfg["tick"] / parts)
+
+
 def sense(team: NDArray[Any], _first: int, cfg: Any, work: Any) -> None:
     """Take the pictures of a team that knows where it is, and let the filters use them."""
     for lane in team:
@@ -128,10 +143,11 @@ def sense(team: NDArray[Any], _first: int, cfg: Any, work: Any) -> None:
 def navigate(own: NDArray[Any], team: NDArray[Any], first: int, cfg: Any, work: Any) -> None:
     """A tick of a team that navigates by pictures; its records of `own` are from `first` on."""
     tick, arena = float(cfg["tick"]), team[0]
+    parts = int(cfg["substeps"]) if cfg["dynamics"] == QUADROTOR else 0
     for m, lane in enumerate(team):
         record, agent = own[first + m : first + m + 1], int(lane["agent"])
-        filter_ = navigation.navigator(record, camera(cfg), NADIR, tick)
-        navigation.feel(record, lane, arena, filter_, tick, IMU + agent)
+        filter_ = navigation.navigator(record, camera(cfg), NADIR, period(cfg))
+        navigation.feel(record, lane, arena, filter_, tick, IMU + agent, parts)
         if due(arena, cfg):
             view = take(lane, arena, cfg)
             navigation.see(lane, arena, filter_, view.grey, ALTIMETER + agent)
@@ -142,15 +158,15 @@ def take(lane: np.void, arena: np.void, cfg: Any) -> View:
     """The picture of one aircraft, and its true pose."""
     optics = camera(cfg)
     r_V_N = np.array([*(lane["r_V_N"] - lane["off_N"]), -lane["height"]])
-    return View(picture(lane, arena, optics), optics, NADIR, r_V_N)
+    return View(picture(lane, arena, optics), optics, attitude(lane), r_V_N)
 
 
 def perceive(lane: np.void, arena: np.void, view: View, cfg: Any, work: Any) -> None:
     """Let the tracks of one aircraft use its picture."""
     pose = work["camera"]
-    pose[:] = *(lane["r_V_N"] - lane["off_N"]), -lane["height"], 0.0
+    pose[0], pose[1:] = (*(lane["r_V_N"] - lane["off_N"]), -lane["height"]), attitude(lane)
     see_obstacles(lane, arena, pose, cfg)
-    pose[:] = *view.r_V_N, math.atan2(-view.C[1, 0], view.C[1, 1])
+    pose[0], pose[1:] = view.r_V_N, view.C
     count = 0
     if LEAST_DEPTH < view.depth < FAR:
         count = tell(find(view, lane["bank"], cfg), work)
@@ -185,10 +201,8 @@ def searches(view: View, bank: np.void) -> bool:
         return True
     away = (bank["status"] == TRACKED) & (bank["away"] > 0.0)
     guesses = bank["guesses"][away].reshape(-1, GONE + 1)
-    right = (guesses[:, EAST] - view.r_V_N[1]) / view.depth
-    ahead = (guesses[:, NORTH] - view.r_V_N[0]) / view.depth
-    half = 0.5 * WIDTH / view.optics.focal, 0.5 * HEIGHT / view.optics.focal
-    shown = (np.abs(right) < half[0]) & (np.abs(ahead) < half[1])
+    r = np.insert(guesses[:, [NORTH, EAST]] - view.r_V_N[:2], 2, view.depth, axis=1)
+    shown = view.optics.shows(view.optics.project(view.C, r)[0], -0.5)
     return bool((shown & (guesses[:, GONE] == 0.0)).any())
 
 

@@ -8,12 +8,14 @@ import numpy as np
 
 from visenvs.core.compile import kernel
 from visenvs.core.config import to_record
+from visenvs.envs._herding_config import QUADROTOR
+from visenvs.envs._herding_flight import obey
 from visenvs.guidance import ddp, landing
 from visenvs.guidance.interception import advance, pose_now
 
 STEPS = 120  # of the longest plan, all that there is room for
 WEIGHTS = to_record(ddp.DDPConfig())
-KEPT = [("landing", landing.LANDING), ("u", "f8", (STEPS, 3)), ("sink", "f8")]  # by a lane
+KEPT = [("landing", landing.LANDING), ("u", "f8", (STEPS, 3))]  # by a lane
 WORK = np.dtype([
     ("x", "f8", (STEPS + 1, 6)), ("u_try", "f8", (STEPS, 3)), ("x_try", "f8", (STEPS + 1, 6)),
     ("k", "f8", (STEPS, 3)), ("K", "f8", (STEPS, 3, 6)),
@@ -49,23 +51,22 @@ def begin_landing(lane, i, cfg, pose, work):
     plan, place, state = settings_of(cfg, work), work["place"], work["state"]
     pose_now(lane, i, pose)
     place[0], place[1] = pose[0], pose[1]
-    lane["sink"] = 0.0
     read_state(lane, state)
     most = STEPS * cfg["tick"]
     landing.begin(lane["landing"], state, place, pose[2], cfg["speed"], most, plan)
 
 
 @kernel
-def land_by_plan(lane, i, cfg, pose, work):
+def land_by_plan(lane, i, cfg, pose, work, flight):
     """One tick of the landing; returns how far off its aim the robot's path has moved by now, m.
 
     The robot is met where it will be when the plan ends, its next half turn foreseen.
 
     Args:
         lane: its place, velocity, height and sink are advanced; aim_N receives the newest aim.
-        pose, work: scratch, (POSE,) and a record of WORK.
+        pose, work, flight: scratch, (POSE,), a record of WORK, and one of `_herding_flight`.
     """
-    plan, place, state, to = settings_of(cfg, work), work["place"], work["state"], work["next"]
+    plan, place, state = settings_of(cfg, work), work["place"], work["state"]
     task = lane["landing"]
     pose_now(lane, i, pose)
     advance(pose, task["t_go"], cfg)
@@ -76,9 +77,21 @@ def land_by_plan(lane, i, cfg, pose, work):
         work["V_x"], work["Q_u"], work["Q_uu"], work["Q_ux"], work["BV"],
     )  # fmt: skip
     landing.land(task, state, place, pose[2], 0.0, plan, tape)
-    ddp.fly(state, lane["u"][0], to, cfg["tick"])
     for k in range(2):
-        lane["r_V_N"][k], lane["v_V_N"][k] = to[k], to[3 + k]
-        lane["a_V_N"][k], lane["aim_N"][k] = lane["u"][0, k], task["fresh"][k]
-    lane["height"], lane["sink"] = max(-to[2], 0.0), to[5]
+        lane["aim_N"][k] = task["fresh"][k]
+    fly_by_plan(lane, cfg, work, flight)
     return math.hypot(task["fresh"][0] - task["aim"][0], task["fresh"][1] - task["aim"][1])
+
+
+@kernel
+def fly_by_plan(lane, cfg, work, flight):
+    """One tick by the first acceleration of the plan."""
+    u, to = lane["u"][0], work["next"]
+    if cfg["dynamics"] == QUADROTOR:
+        flight["command"][:] = u
+        obey(lane, cfg, flight)
+        return
+    ddp.fly(work["state"], u, to, cfg["tick"])
+    for k in range(2):
+        lane["r_V_N"][k], lane["v_V_N"][k], lane["a_V_N"][k] = to[k], to[3 + k], u[k]
+    lane["height"], lane["sink"] = max(-to[2], 0.0), to[5]

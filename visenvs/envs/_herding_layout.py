@@ -8,7 +8,7 @@ from visenvs.core.lanes import lane_dtype
 from visenvs.core.layout import Field, Layout
 from visenvs.dynamics import ground_robot
 from visenvs.dynamics.ground_robot import OBSTACLES, ROBOTS
-from visenvs.envs import _herding_landing
+from visenvs.envs import _herding_flight, _herding_landing
 from visenvs.estimation.herd import bank_dtype, work_dtype
 from visenvs.guidance.choices import CHOICES
 from visenvs.guidance.interception import POSE
@@ -27,7 +27,7 @@ LANE = lane_dtype([
     ("landed", "i8"),  # 1 + the robot that its last service met, or 0
     ("miss_N", "f8", (2,)),  # how far from its aim it comes down, m
     ("a_V_N", "f8", (2,)), ("aim_N", "f8", (2,)),
-    *_herding_landing.KEPT,
+    *_herding_flight.KEPT, *_herding_landing.KEPT,
     ("command", "f8", (2,)), ("down", "f8"),  # velocity set-point, m/s; 1 to come down
     ("at_pole", "i8"), ("agent", "i8"),
     # belief
@@ -98,7 +98,8 @@ VELOCITY_ACTION = Layout((
 
 WORK = np.dtype([
     ("pose", "f8", (POSE,)), ("aim", "f8", (2,)),
-    ("camera", "f8", (4,)), ("active", "f8", (ROBOTS,)),
+    ("camera", "f8", (4, 3)), ("C_BN", "f8", (3, 3)), ("active", "f8", (ROBOTS,)),
     ("seen", "f8", (ROBOTS + FALSE, 2)), ("labels", "f8", (ROBOTS + FALSE,)),
     ("herd", work_dtype(ROBOTS)), ("plan", _herding_landing.WORK),
+    ("flight", _herding_flight.WORK),
 ])  # fmt: skip

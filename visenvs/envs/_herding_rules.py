@@ -8,7 +8,8 @@ from visenvs.core.compile import kernel
 from visenvs.core.outcome import COLLISION, DIVERGED, MISS, RUNNING, SUCCESS
 from visenvs.dynamics.ground_robot import ACTIVE, CIRCLES, GOALED, REMOVED, ROBOTS
 from visenvs.envs._herding_aircraft import DESCENT, leave, true_place
-from visenvs.envs._herding_config import MARGIN, TOUCHED_ONLY, VELOCITY, WHOLE
+from visenvs.envs._herding_config import MARGIN, QUADROTOR, TOUCHED_ONLY, VELOCITY, WHOLE
+from visenvs.envs._herding_flight import stop_fall
 from visenvs.guidance.interception import TAP
 
 MARGIN_WIDTH = 0.5  # how far the centre must be out under the `margin` rule, m
@@ -46,6 +47,19 @@ def cross_lines(arena, cfg):
             arena["fate"][k] = REMOVED
             arena["removed"] += 1.0
             arena["cost_lost"] += cfg["score_goal"] + cfg["score_lost"]
+
+
+@kernel
+def meet_tops(arena, lane, before, cfg):
+    """Stop a quadrotor that sinks onto robots at their tops; before: its height a tick ago, m."""
+    if cfg["dynamics"] != QUADROTOR or not lane["height"] < cfg["top_height"] <= before:
+        return
+    reach = cfg["robot_radius"] + cfg["aircraft_radius"]
+    for k in range(ROBOTS):
+        north = arena["r_R_N"][k, 0] - true_place(lane, 0)
+        east = arena["r_R_N"][k, 1] - true_place(lane, 1)
+        if arena["fate"][k] == ACTIVE and math.hypot(north, east) < reach:
+            stop_fall(lane, cfg["top_height"], cfg)
 
 
 @kernel

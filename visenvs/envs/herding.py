@@ -32,7 +32,14 @@ from visenvs.envs._herding_aircraft import CRUISE, choose, fly, obey, true_place
 from visenvs.envs._herding_belief import begin_belief, describe, looks, sense
 from visenvs.envs._herding_config import KINEMATIC, SCENARIOS, VELOCITY
 from visenvs.envs._herding_layout import LANE, OBSERVATION, VELOCITY_ACTION, WORK
-from visenvs.envs._herding_rules import cross_lines, feel_touches, hit_poles, judge, share
+from visenvs.envs._herding_rules import (
+    cross_lines,
+    feel_touches,
+    hit_poles,
+    judge,
+    meet_tops,
+    share,
+)
 from visenvs.guidance.choices import CHOICES, HOVER, PER_ROBOT
 
 ENV_ID = "visenvs/Herding-v0"
@@ -49,10 +56,12 @@ def move_all(team, pads, cfg, work):
     for m in range(team.shape[0]):
         pads[m, 0], pads[m, 1] = team[m]["r_V_N"][0], team[m]["r_V_N"][1]
     for m in range(team.shape[0]):
+        before = team[m]["height"]
         if cfg["action_mode"] == VELOCITY:
-            obey(team[m], cfg)
+            obey(team[m], cfg, work)
         else:
             fly(team[m], pads, m, cfg, work)
+        meet_tops(team[0], team[m], before, cfg)
     for m in range(team.shape[0]):
         lane = team[m]
         pads[m, 0], pads[m, 1] = true_place(lane, 0), true_place(lane, 1)
@@ -176,6 +185,7 @@ def reset_team(team, cfg, work):
     for m in range(team.shape[0]):
         lane = team[m]
         lane["agent"], lane["stage"], lane["service"] = m, CRUISE, HOVER
+        lane["q_V"][0] = 1.0
         lane["height"], lane["t_go"] = cfg["cruise"], cfg["t_f"]
         lane["remained"], lane["t_success"] = cfg["robots"], cfg["t_f"]
         lane["r_V_N"][1] = 2.0 * (m - 0.5 * (team.shape[0] - 1))

@@ -20,6 +20,7 @@ from visenvs.estimation.robot_track import (
     TRACKED,
     moving,
     place,
+    variance_at,
 )
 from visenvs.estimation.slope import SIGHTS, course, push, velocity
 from visenvs.estimation.whereabouts import HEADING, LEFT, PHASE, density
@@ -67,22 +68,28 @@ def follow(bank, seen, count, choice):
 
 
 @kernel
-def settle(bank, variance, cfg, work):
+def settle(bank, pose, cfg, work):
     """Give the candidates found often enough to the tracks that they are most likely of.
 
-    Every robot has a track, so each of them is of one that is out of sight.
+    Every robot has a track, so each of them is of one that is out of sight. Pose: of the camera.
     """
     for c in range(CANDIDATES):
         filled = int(bank["c_filled"][c])
         for j in range(bank["status"].shape[0]):
             work["c_ztest"][c, j] = math.inf
             if filled >= SURE and (bank["status"][j] != TRACKED or bank["away"][j] > 0.0):
-                likely, _ = likelihood(bank, j, c, variance, cfg)
+                likely, _ = likelihood(bank, j, c, variance_of(bank, c, pose, cfg), cfg)
                 work["c_ztest"][c, j] = OFFSET - 2.0 * math.log(likely)
     assign(work["c_ztest"], CANDIDATES, ALONE, work["c_choice"], work["c_assign"])
     for c in range(CANDIDATES):
         if work["c_choice"][c] >= 0:
-            find_again(bank, work["c_choice"][c], c, variance, cfg)
+            find_again(bank, work["c_choice"][c], c, variance_of(bank, c, pose, cfg), cfg)
+
+
+@kernel
+def variance_of(bank, c, pose, cfg):
+    """Variance of a sight of candidate c, as assumed where it was last, m^2."""
+    return variance_at(pose, bank["c_sights"][c, int(bank["c_filled"][c]) - 1, 1:], cfg)
 
 
 @kernel

@@ -49,9 +49,10 @@ from visenvs.estimation.robot_track import (
     place,
     report,
     tell,
+    variance_at,
 )
 from visenvs.estimation.whereabouts import carry_on, doubt, scatter, show
-from visenvs.sensors.ground_camera import FALSE, pixel_size
+from visenvs.sensors.ground_camera import FALSE
 
 __all__ = [
     "FINISHED",
@@ -67,7 +68,6 @@ __all__ = [
 
 LOST_SD = 6.0  # standard deviation of a place of which nothing is known, m
 DELAYED = 0.1  # how much less is known of a timer each second out of sight, s/s^(1/2)
-LEAST_SD = 0.004  # of a finding, as assumed, m
 
 
 def work_dtype(slots: int = 10) -> np.dtype[Any]:
@@ -77,6 +77,7 @@ def work_dtype(slots: int = 10) -> np.dtype[Any]:
         [
             ("filter", mmae.SCRATCH),
             ("turned", "f8", (rows, 2)),
+            ("variance", "f8", (rows,)),
             ("ztest", "f8", (rows, slots)),
             ("choice", "i8", (rows,)),
             ("assign", "f8", assign_scratch(rows, slots)),
@@ -107,23 +108,25 @@ def step(bank, seen, count, pose, dt, cfg, work):
 
     Args:
         seen: places found (north, east), m, (rows, 2), of which `count` are in use.
-        pose: of the camera, (4,), as of `ground_camera`.
+        pose: of the camera, (4, 3), as of `ground_camera`.
         cfg, work: settings, and a record of `work_dtype`; work["turned"], (rows, 2), holds the
             heading found (rad) with each place and its variance, 0 for none.
     """
     bank["t"] += dt
     bank["picture"] += 1.0
-    variance = max(cfg["sigma_pixel"] * pixel_size(pose, cfg), LEAST_SD) ** 2
+    for i in range(count):
+        work["variance"][i] = variance_at(pose, seen[i], cfg)
     for j in range(bank["status"].shape[0]):
         advance(bank, j, dt, cfg)
-    compare(bank, seen, count, variance, work["ztest"])
+    compare(bank, seen, count, work["variance"], work["ztest"])
     assign(work["ztest"], count, ALONE, work["choice"], work["assign"])
     for i in range(count):
         j = work["choice"][i]
         if j >= 0:
-            absorb(bank, j, seen[i], variance, work["turned"][i], cfg, work["filter"])
+            variance, turned = work["variance"][i], work["turned"][i]
+            absorb(bank, j, seen[i], variance, turned, cfg, work["filter"])
     follow(bank, seen, count, work["choice"])
-    settle(bank, variance, cfg, work)
+    settle(bank, pose, cfg, work)
     for j in range(bank["status"].shape[0]):
         if bank["status"][j] == TRACKED:
             conclude(bank, j, pose, cfg)
@@ -163,4 +166,4 @@ def compare(bank, seen, count, variance, ztest):
     for j in range(bank["status"].shape[0]):
         in_sight = bank["status"][j] == TRACKED and bank["away"][j] == 0.0
         for i in range(count):
-            ztest[i, j] = fit(bank, j, seen[i], variance) if in_sight else math.inf
+            ztest[i, j] = fit(bank, j, seen[i], variance[i]) if in_sight else math.inf

@@ -16,6 +16,7 @@ from visenvs.estimation import mmae, robot_clock
 from visenvs.estimation.mmae import NEVER, SPIN, STRAIGHT
 from visenvs.estimation.slope import SIGHTS, course, push
 from visenvs.estimation.whereabouts import GONE, GUESSES, turn_guesses
+from visenvs.sensors.ground_camera import pixel_size, stretch
 
 NONE, TRACKED, FINISHED = 0.0, 1.0, 2.0
 CANDIDATES, OTHERS = 12, 4
@@ -23,6 +24,7 @@ GATE = 11.8  # z-test value of a place that is a track's, chi-square of 2 at 99.
 MOVING = 0.65  # share of the speed above which a robot goes straight,
 DOUBTFUL = 0.3  # if its standard deviation is below this share
 WRONG = math.radians(50.0)  # heading error that the course of the last sights convicts of
+LEAST_SD = 0.004  # of a finding, as assumed, m
 ANY_HEADING = math.pi / math.sqrt(3.0)  # standard deviation of a heading of which nothing is known
 
 
@@ -74,6 +76,13 @@ def tell(bank, j, half_turn, cfg):
     bank["turn"][j] = cfg["spin_time"] * angle / math.pi
     if half_turn and cfg["bump_restarts_timer"]:
         bank["phase"][j], bank["sd_phase"][j] = 0.0, robot_clock.SEEN
+
+
+@kernel
+def variance_at(pose, place, cfg):
+    """Variance of a finding at a place along either axis, as assumed, m^2."""
+    sd = cfg["sigma_pixel"] * pixel_size(pose, cfg) * stretch(pose, place[0], place[1])
+    return max(sd, LEAST_SD) ** 2
 
 
 @kernel

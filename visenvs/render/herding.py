@@ -13,14 +13,14 @@ from visenvs.core.lanes import Task
 from visenvs.core.outcome import RUNNING, Outcome
 from visenvs.dynamics.ground_robot import ACTIVE, ROBOTS
 from visenvs.envs._herding_config import HerdingConfig
-from visenvs.envs._herding_images import camera, picture
+from visenvs.envs._herding_images import attitude, camera, picture
 from visenvs.guidance.choices import GO, HOVER, LOOK
 from visenvs.guidance.interception import TAP
 from visenvs.render import style
 from visenvs.render.canvas import Panel, Points
 from visenvs.render.scene import ENDINGS, paper
 from visenvs.render.style import Image, write
-from visenvs.sensors.ground_camera import HEIGHT, WIDTH, pixel_size
+from visenvs.sensors.ground_camera import HEIGHT, HORIZON, WIDTH, depth, pixel_size
 
 ARENA = (44, 66, 448, 448)  # left, top, width, height of the plot, pixels
 CAMERA = (544, 66, 240, 180)
@@ -74,13 +74,30 @@ def tracks(record: np.void) -> list[tuple[int, Points, Points, float]]:
     ]
 
 
+def pose_of(record: np.void) -> NDArray[Any]:
+    """The camera's pose as of `ground_camera`, where the aircraft believes to be, (4, 3)."""
+    return np.vstack([(*record["r_V_N"], -record["height"]), attitude(record)])
+
+
 def footprint(record: np.void, config: HerdingConfig) -> Points:
     """Corners of what the camera sees of the robots' tops, (right, up), m."""
-    pose = np.array([*record["r_V_N"], -record["height"], 0.0])
-    size = 0.5 * float(pixel_size(pose, config_fov(config)))
-    corner = np.array([WIDTH * size, HEIGHT * size])
-    signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    return above(record["r_V_N"]) + signs * corner
+    pose = pose_of(record)
+    far, size = float(depth(pose)), 0.5 * float(pixel_size(pose, config_fov(config)))
+    signs = np.array([[0, -1, 1], [0, 1, 1], [0, 1, -1], [0, -1, -1]])
+    rays = ((far, 0.0, 0.0) + signs * (0.0, WIDTH * size, HEIGHT * size)) @ pose[1:]
+    fall = np.maximum(rays[:, 2:], max(HORIZON * far, 1e-9))
+    return above(record["r_V_N"] + rays[:, :2] * far / fall)
+
+
+def in_picture(pose: NDArray[Any], places: Any) -> tuple[Points, NDArray[Any]]:
+    """Where the picture shows places (right, up), and how large; NaN for those behind the camera.
+
+    Both in m straight below a level camera: (right, up), (n, 2), and size of 1 m there, (n,).
+    """
+    far = float(depth(pose))
+    r = np.insert(above(places) - pose[0, :2], 2, far, axis=1) @ pose[1:].T
+    scale = far / np.where(r[:, 0] > 0.1 * far, r[:, 0], np.nan)
+    return r[:, 1:] * (1.0, -1.0) * scale[:, None], scale
 
 
 def config_fov(config: HerdingConfig) -> Any:
@@ -128,24 +145,27 @@ def draw_arena(image: Image, record: np.void, config: HerdingConfig, path: Point
 
 def draw_camera(image: Image, record: np.void, config: HerdingConfig) -> None:
     """Draw the picture of the camera, or the true robots in view, and what is tracked there."""
-    view = footprint(record, config)
-    width = max(float(view[1, 0] - view[0, 0]), 1e-3)
-    (here,) = above(record["r_V_N"])
-    panel = Panel(image, *CAMERA, (float(here[0]), float(here[1])), CAMERA[2] / width)
+    pose = pose_of(record)
+    width = max(WIDTH * float(pixel_size(pose, config_fov(config))), 1e-3)
+    panel = Panel(image, *CAMERA, (0.0, 0.0), CAMERA[2] / width)
     panel.clear(style.WHITE)
     if config.perception == "images":
         frame = picture(record, record, camera(vars(config)))
         panel.view[:] = cv2.resize(frame, CAMERA[2:], interpolation=cv2.INTER_AREA)
     else:
-        places = above(record["r_R_N"])
-        for k in np.flatnonzero(record["fate"] == ACTIVE):
+        places, scales = in_picture(pose, above(record["r_R_N"]))
+        for k in np.flatnonzero((record["fate"] == ACTIVE) & np.isfinite(scales)):
             colour = style.VERMILLION if k < ROBOTS else style.INK
-            panel.disc(places[k], config.robot_radius * panel.scale, colour, 2)
-    for i, at, way, sd in tracks(record):
-        panel.line(panel.ellipse(at, np.eye(2) * sd**2, SIGMAS), style.BLUE, 1, closed=True)
+            panel.disc(places[k], config.robot_radius * panel.scale * float(scales[k]), colour, 2)
+    for i, place, way, sd in tracks(record):
+        (at, tip), (scale, _) = in_picture(pose, [place, place + 0.4 * way])
+        if not np.isfinite(at).all():
+            continue
+        size = np.eye(2) * (sd * scale) ** 2
+        panel.line(panel.ellipse(at, size, SIGMAS), style.BLUE, 1, closed=True)
         panel.reticle(at, style.BLUE, 1)
         turning = float(record["track_p_spin"][i]) > 0.5
-        panel.line(np.array([at, at + 0.4 * way]), style.GREEN if turning else style.BLUE, 2)
+        panel.line(np.array([at, tip]), style.GREEN if turning else style.BLUE, 2)
     panel.border()
 
 

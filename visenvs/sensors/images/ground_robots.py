@@ -26,6 +26,7 @@ from visenvs.sensors.images.scenes import WINDOW
 
 LEAST_DEPTH = 0.4  # from which robots' tops are made out, m
 SMALLER, LARGER = 0.975, 1.04  # windows tried, of the expected one
+UNLIKE = 0.03  # difference of size at the edges, in parts, from which on windows differ by place
 VOTES = 1  # windows of the cascade that make a robot, which has a plate too
 VIVID = 25  # by how much the plate's colour outshines the two others, grey levels
 SHARE = 0.2  # of the middle of a robot that its plate covers
@@ -65,11 +66,15 @@ class View:
         return np.asarray(cv2.cvtColor(self.image, cv2.COLOR_RGB2GRAY), np.uint8)
 
     @cached_property
-    def sizes(self) -> tuple[float, float]:
-        """Least and largest window of a robot, pixels: a camera that looks down sees all alike."""
+    def sizes(self) -> haar.SizeWindow | tuple[float, float]:
+        """How large a robot looks, pixels: least and most where all look alike, else by place.
+
+        All look alike to a camera that looks straight down.
+        """
         model = haar.floor_sizes(self.optics, self.C, self.depth, WINDOW)
         size = float(model.at((self.optics.cx, self.optics.cy)))
-        return SMALLER * size, LARGER * size
+        edge = abs(model.b) * self.optics.cx + abs(model.c) * self.optics.cy
+        return model if edge > UNLIKE * size else (SMALLER * size, LARGER * size)
 
     def place(self, pixel: Sequence[float]) -> Values:
         """Where on the plane of the robots' tops a pixel looks, north and east, m, (2,)."""
