@@ -82,6 +82,8 @@ def test_with_a_fast_attitude_loop_it_flies_as_the_point_mass():
     assert parted[1] / parted[2] == pytest.approx(2.0, abs=0.5)
 
 
+@pytest.mark.kernel
+@pytest.mark.kernel
 def test_it_tilts_to_fly_and_keeps_height_and_limits():
     flown = ticks(alone(), FAR, 140)
     assert math.degrees(tilt_of(flown).max()) == pytest.approx(
@@ -110,6 +112,8 @@ def test_it_comes_down_at_the_wanted_rate_and_rests_on_the_floor():
     assert height[stage == CLIMB].max() == pytest.approx(2.9, abs=0.05)
 
 
+@pytest.mark.kernel
+@pytest.mark.kernel
 @pytest.mark.parametrize("landing", ["pid", "ddp"])
 @pytest.mark.parametrize("service, heading", [("block 0", math.pi), ("tap 0", math.pi / 4)])
 def test_services_turn_a_robot(landing, service, heading):
@@ -144,6 +148,7 @@ def test_what_it_feels_is_how_it_moves():
     assert (flown["stage"] == GROUND).any()
 
 
+@pytest.mark.kernel
 def test_set_points_are_flown_and_land():
     lanes = lanes_of(action_mode="velocity", dt=0.2, **TRUTH)
     for action in ((1.0, 0.0, -1.0), (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)):

@@ -45,6 +45,8 @@ def decision(name, belief, settings=RECORD):
     return CHOICES[int(commands[0, 0])]
 
 
+@pytest.mark.kernel
+@pytest.mark.kernel
 @pytest.mark.parametrize("seconds", [0.3, 4.0, 16.5, 19.0, 41.7])
 def test_a_pose_ahead_is_where_the_firmware_drives(seconds):
     cfg = to_record(override(SCENARIOS["firmware"], {"noise_max": 0.0, "tick": 0.01}))[0]

@@ -1,5 +1,6 @@
 """Cascades: training separates, files keep them, the shipped one finds robots, OpenCV agrees."""
 
+import json
 import math
 from dataclasses import replace
 
@@ -14,9 +15,10 @@ from visenvs.sensors.images.boosting import (
     values_of,
     windows_of,
 )
-from visenvs.sensors.images.cascade_file import from_xml, shipped_cascade, to_xml
+from visenvs.sensors.images.cascade_file import SHIPPED, from_xml, shipped_cascade, to_xml
 from visenvs.sensors.images.haar import SIDE, detect, floor_sizes, group
 from visenvs.sensors.images.scenes import NADIR, OPTICS, TILTED, WINDOW, attitude, draw_scene
+from visenvs.sensors.images.train_cascade import main, positives
 
 
 def patches(count, bright, seed):
@@ -45,6 +47,16 @@ def test_every_feature_is_blind_to_brightness():
     areas = (rects[..., 2] * rects[..., 3] * weights).sum(axis=1)
     assert not areas.any()
     assert 10_000 < len(rects) < 20_000
+
+
+def test_the_command_writes_a_cascade_and_its_card(tmp_path, capsys):
+    main(["--positives", "40", "--negatives", "6", "--stages", "2", "--out", str(tmp_path)])
+    cascade = from_xml((tmp_path / SHIPPED).read_text(encoding="utf-8"))
+    card = json.loads((tmp_path / "card.json").read_text(encoding="utf-8"))
+    assert (card["stages"], card["stumps"]) == (len(cascade.ends), len(cascade.thresholds))
+    assert 1 <= card["stages"] <= 2
+    assert passing(positives(30, seed=7), cascade).mean() > 0.8
+    assert "CPU time" in capsys.readouterr().out
 
 
 def test_a_small_cascade_learns_what_it_is_shown():

@@ -14,6 +14,8 @@ from visenvs.sensors.images.robots import GREEN, RED, ROBOT
 from visenvs.sensors.images.scenes import attitude
 from visenvs.sensors.images.textures import fractal, periodic
 
+pytestmark = pytest.mark.kernel
+
 OPTICS = Optics(160, 120, 140.0)
 NONE = np.zeros(0, ROBOT)
 PLAIN = Exposure(blur=0.0, noise=0.0, gain_error=0.0)

@@ -13,6 +13,8 @@ OPTICS = Optics(320, 240, 277.0)
 WIDE = Optics(256, 256, 128.0)
 RED, RADIUS = (200.0, 30.0, 30.0), 6.0
 
+pytestmark = pytest.mark.kernel
+
 
 @pytest.fixture(scope="module")
 def world():
@@ -70,7 +72,6 @@ def test_only_the_search_region_is_searched(world):
     assert detect(image, OPTICS, Prior((2.0, 0.0), (0.01, 0.01), 0.1)) == []
 
 
-@pytest.mark.kernel
 def test_a_circle_is_found_among_points_of_another():
     turns = np.linspace(0.0, 2 * np.pi, 60, endpoint=False)
     circle = np.stack([0.2 + 0.1 * np.cos(turns), 0.1 * np.sin(turns)], axis=1)
@@ -85,7 +86,6 @@ def test_a_circle_is_found_among_points_of_another():
     assert centre[2] / centre[0] == pytest.approx(0.0, abs=0.005)
 
 
-@pytest.mark.kernel
 def test_three_equations():
     A, b, x = np.array([[2.0, 1, 0], [1, 3, -1], [0, 2, 1]]), np.array([1.0, -2, 3]), np.empty(3)
     assert solve(A, b, x)
