@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from tests.envs.test_avoidance import flown_by
 from visenvs.core.config import override, to_record
 from visenvs.core.lanes import Lanes
-from visenvs.core.registry import laws, load_task
+from visenvs.core.registry import load_task
 from visenvs.core.units import GRAVITY
 from visenvs.envs._avoidance_config import AvoidanceConfig
 from visenvs.envs._avoidance_images import camera, look, picture
@@ -40,18 +41,6 @@ def attitudes(record):
     """C_CN from the record's quaternion, by SciPy."""
     w, x, y, z = record["q_V"]
     return Rotation.from_quat([x, y, z, w]).as_matrix().T
-
-
-def flown_by(law, lanes):
-    """Final records under a guidance law."""
-    card, settings = laws()[law], to_record(lanes.config)
-    memory = np.zeros((lanes.count, card.memory(settings[0], 3)))
-    commands = np.zeros((lanes.count, 3))
-    while not lanes.done.all():
-        card.decide(lanes.task.observation.records(lanes.rows), settings, memory, commands)
-        length = np.linalg.norm(commands, axis=1, keepdims=True)
-        lanes.step((commands / np.maximum(lanes.config.a_max, length)).astype(np.float32))
-    return lanes.records
 
 
 # how it flies
