@@ -298,7 +298,8 @@ def test_pixels_show_the_tilt():
     ("settings", "words"),
     [
         ({"dynamics": "quad"}, "dynamics"),
-        ({"bandwidth": 80.0}, r"write `bandwidth=50` or more substeps"),
+        ({"bandwidth": 120.0}, r"write `substeps=7` or more, or a smaller bandwidth"),
+        ({"damping": 10.0}, r"damping=10 is unstable in parts of 0.01 s"),
         ({"bandwidth": -1.0}, "out of range: bandwidth=-1"),
         ({"damping": 0.0}, "out of range: damping=0"),
         ({"rate_max": 0.0}, "out of range: rate_max=0"),

@@ -10,6 +10,7 @@ import numpy as np
 
 from visenvs.core.config import code, require, validate
 from visenvs.core.units import FOOT
+from visenvs.dynamics.attitude_loop import require_stable
 
 K = 6  # obstacles that a scene, and tracks that a row, can hold
 Six = tuple[float, float, float, float, float, float]
@@ -187,27 +188,11 @@ class AvoidanceConfig:
         )
         require_scene(self)
         if self.dynamics == "quadrotor":
-            require_substeps(self)
+            require_stable(self, self.dt)
         if "images" in self.perception or "pixels" in self.observation:
             require_camera(self)
         if self.observation == "pixels":
             require_past(self)
-
-
-def require_substeps(config: AvoidanceConfig) -> None:
-    """Raise a ValueError for an attitude loop that its integration makes unstable.
-
-    In a part of h s, with x = bandwidth h and z the damping, the error e and the turn u = omega h
-    become u' = (1 - 2 z x) u + x^2 e and e' = e - u': stable where x^2 + 4 z x < 4.
-    """
-    step, z = config.bandwidth * config.dt, config.damping
-    if step / config.substeps >= 2.0 * (math.hypot(1.0, z) - z):
-        least = math.floor(0.5 * step * (math.hypot(1.0, z) + z)) + 1
-        raise ValueError(
-            f"substeps={config.substeps}: an attitude loop of bandwidth={config.bandwidth:g} rad/s "
-            f"and damping={z:g} is unstable in parts of dt / substeps = "
-            f"{config.dt / config.substeps:g} s; write `substeps={least}` or more"
-        )
 
 
 def require_camera(config: AvoidanceConfig) -> None:

@@ -28,7 +28,6 @@ LENS = Exposure()
 RED, GREEN = (200.0, 30.0, 30.0), (40.0, 190.0, 60.0)
 BEACON = 4.0  # radius of the beacon at the waypoint, m: seen half of the way off
 MATCH = 1.0  # a ball is an obstacle's if its centre is nearer than so many radii, and 3 pixels
-
 ALIKE = math.log(1.5)  # and if it is not larger or smaller than this
 
 SIGHTED = np.dtype(

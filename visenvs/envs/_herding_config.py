@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 from visenvs.core.config import code, require, validate
+from visenvs.dynamics.attitude_loop import require_stable
 from visenvs.dynamics.ground_robot import OBSTACLES, ROBOTS
 from visenvs.sensors.ground_camera import WIDTH as PIXELS
 
-SUBSTEPS = 10  # of the attitude loop in a tick, at most,
-COARSEST = 0.5  # and their length at most, in parts of 1 / bandwidth
+SUBSTEPS = 10  # of the attitude loop in a tick, at most
 NOISE_FIRMWARE = math.degrees(0.064 / 0.258 * 0.85)  # wheels at +-0.032 m/s, 0.258 m apart
 
 
@@ -130,13 +130,8 @@ class HerdingConfig:
             score_minute=self.score_minute >= 0,
         )
         self._require_room()
-        most = COARSEST * self.substeps / self.tick
-        if self.dynamics == "quadrotor" and self.bandwidth > most:
-            raise ValueError(
-                f"HerdingConfig.bandwidth={self.bandwidth:g} with tick={self.tick:g}, "
-                f"substeps={self.substeps}: the attitude loop needs {1.0 / COARSEST:g} steps in "
-                f"1 / bandwidth; write `bandwidth={most:g}` or more substeps"
-            )
+        if self.dynamics == "quadrotor":
+            require_stable(self, self.tick)
         if "images" in self.perception or "pixels" in self.observation:
             _require_camera(self)
         if self.navigation == "vio" and (self.perception, self.estimator) != ("images", "camera"):
