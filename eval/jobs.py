@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, TypeVar, get_args
 
 from agents import registry
 from agents.policy import NotApplicable
@@ -19,6 +19,8 @@ from .board import TRUTH
 from .metrics import measure
 from .rollout import Rollout, join, shards
 from .shards import Flight, Store, fly_shard
+
+Item = TypeVar("Item")
 
 FITS_ANYWHERE = ("law", "blind")
 LOCAL = Workers()
@@ -188,25 +190,26 @@ class Book:
         trust: whether code in model files may run.
 
     Attributes:
-        calls: arguments of `fly_shard` for every shard that is not there yet.
+        calls: arguments of `fly_shard` for every shard that is not there yet; environments take
+            turns, so that two workers seldom compile the same kernels at the same time.
     """
 
     def __init__(self, jobs: Mapping[Job, Sequence[int]], folder: Path, trust: bool) -> None:
         self._store = Store(folder)
         self._shards: dict[Job, list[Rollout | None]] = {}
         self._paths: dict[Job, list[Path]] = {}
-        self._places: list[tuple[Job, int]] = []
-        self.calls: list[tuple[Flight, Sequence[int]]] = []
+        left: dict[str, list[tuple[Job, int, Sequence[int]]]] = {}  # of each environment
         for job, seeds in jobs.items():
             flight, portions = job.flight(trust), shards(seeds)
             lasting = job.lasting and len(portions) > 1
             paths = [self._store.path(flight, portion) for portion in portions] if lasting else []
             found = [self._store.load(path) for path in paths] or [None] * len(portions)
             self._paths[job], self._shards[job] = paths, found
-            for k, portion in enumerate(portions):
-                if found[k] is None:
-                    self._places.append((job, k))
-                    self.calls.append((flight, portion))
+            missing = [(job, k, part) for k, part in enumerate(portions) if found[k] is None]
+            left.setdefault(job.task.id, []).extend(missing)
+        order = spread(list(left.values()))
+        self._places = [(job, k) for job, k, _ in order]
+        self.calls = [(job.flight(trust), portion) for job, _, portion in order]
 
     def enter(self, index: int, flown: Rollout) -> Job:
         """Keep what a call came to; returns whose it is."""
@@ -226,6 +229,12 @@ class Book:
         for path in self._paths[job]:
             path.unlink(missing_ok=True)
         self._shards[job].clear()
+
+
+def spread(lists: Sequence[Sequence[Item]]) -> list[Item]:
+    """All items: the first of each list, then the others in their order, lists evenly mixed."""
+    placed = [(i / len(items), item) for items in lists for i, item in enumerate(items)]
+    return [item for _, item in sorted(placed, key=lambda pair: pair[0])]
 
 
 def _job(

@@ -1,5 +1,6 @@
 """Command lines end with an exit code and, when something is wrong, one line."""
 
+import subprocess
 import sys
 from dataclasses import dataclass
 
@@ -68,6 +69,20 @@ def test_ctrl_c_while_the_options_are_read_is_one_line(monkeypatch, capsys):
     monkeypatch.setattr(tyro, "cli", raising(KeyboardInterrupt()))
     assert leave(monkeypatch, raising(AssertionError())) == 130
     assert capsys.readouterr().err == "interrupted\n"
+
+
+@pytest.mark.parametrize("asked, threads", [(None, 1), ("2", 2)])
+def test_pictures_are_drawn_by_one_thread_unless_asked(monkeypatch, asked, threads):
+    monkeypatch.delenv("OPENCV_FOR_THREADS_NUM", raising=False)
+    if asked:
+        monkeypatch.setenv("OPENCV_FOR_THREADS_NUM", asked)
+    code = (
+        "from dataclasses import make_dataclass\nfrom visenvs.core.cli import launch\n"
+        "def run(options):\n    import cv2\n    print(cv2.getNumThreads())\n"
+        "launch('toy', make_dataclass('Options', []), run)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert int(done.stdout) == threads
 
 
 def test_a_missing_option_reader_is_one_line(monkeypatch, capsys):

@@ -33,6 +33,10 @@ def test_processes_come_to_the_same_as_one(tmp_path):
     assert local == spread
 
 
+def test_environments_take_turns_from_the_first_call_on():
+    assert jobs.spread([[1, 2, 3, 4], [], ["a", "b"], ["A"]]) == [1, "a", "A", 2, 3, "b", 4]
+
+
 def test_an_evaluation_that_was_broken_off_goes_on(tmp_path, monkeypatch):
     whole = evaluate(tmp_path, "whole", episodes=30)
     made = []

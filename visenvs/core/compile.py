@@ -38,10 +38,12 @@ class Kept(FunctionCache):
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a function for one lane, or a plain loop over lanes.
 
-    `nogil`, cached on disk, `fastmath` off: results must not depend on how lanes are grouped.
+    `nogil`, cached on disk, `fastmath` off: results must not depend on how lanes are grouped. A
+    wrapper for C, which nobody calls, would be a fifth of the time of compiling.
     With `NUMBA_DISABLE_JIT=1` the function stays plain Python.
     """
-    out: Any = numba.njit(nogil=True, error_model="numpy", forceinline=True)(function)
+    options = {"nogil": True, "error_model": "numpy", "forceinline": True, "no_cfunc_wrapper": True}
+    out: Any = numba.njit(**options)(function)
     if SETTINGS.DISABLE_JIT:
         return out
     chosen_by_user = SETTINGS.CACHE_DIR
