@@ -18,6 +18,8 @@ PICTURES = "features_extractor.full.0.weight"  # our own, see `pictures.py`
 LINEAR = "action_net.weight"  # the layer that reads where PPO's network has no hidden one
 SETS = "features_extractor.encoder."  # our own, see `sets.py`
 CHOOSING = "action_net.apiece.weight"  # our own, see `choosing.py`
+EXTRACTORS = ("", "FlattenExtractor", "SetNetwork", "PictureNetwork")  # that are rebuilt
+OURS = ("stable_baselines3.", "sb3_contrib.", "agents.")  # where policies that are rebuilt are
 ACTIVATIONS = ("Tanh", "ReLU", "ELU", "LeakyReLU", "SiLU", "GELU")
 
 
@@ -26,7 +28,7 @@ class Architecture:
     """What it takes to rebuild an SB3 policy: algorithm, layer widths, activation, special widths.
 
     `lstm`, `sets` and `pictures` are the widths of a memory, of a network for lists and of one for
-    pictures, 0 where there is none.
+    pictures, 0 where there is none. `squash`: the mean action goes through a tanh (PPO's policies).
     """
 
     algo: str
@@ -35,6 +37,7 @@ class Architecture:
     lstm: int = 0
     sets: int = 0
     pictures: int = 0
+    squash: bool = False
 
 
 def algorithm_of(path: Path, weights: dict[str, Any]) -> str:
@@ -72,9 +75,11 @@ def architecture_of(
             f"{path}: has a features extractor of its own ({extra[0]}); it needs --trust"
         )
     kwargs = data.get("policy_kwargs")
-    named = str(kwargs.get("activation_fn", "")) if isinstance(kwargs, dict) else ""
+    kwargs = kwargs if isinstance(kwargs, dict) else {}
+    _check_classes(path, kwargs.get("features_extractor_class", ""), data.get("policy_class"))
+    named = _last(kwargs.get("activation_fn", ""))
     default = "Tanh" if algo in ("ppo", "recurrent_ppo") else "ReLU"
-    activation = named.rsplit(".", 1)[-1].rstrip("'>") or default
+    activation = named or default
     if activation not in ACTIVATIONS:
         raise ValueError(
             f"{path}: activation {activation!r} is not one of {', '.join(ACTIVATIONS)}; "
@@ -88,9 +93,26 @@ def architecture_of(
         first = weights.get(f"{SETS}0.weight")
         sets = 0 if first is None else first.shape[0]
         pictures = 0 if PICTURES not in weights else weights[PICTURES].shape[0]
-        return Architecture(algo, {"pi": pi, "vf": vf}, activation, lstm, sets, pictures)
+        squash = kwargs.get("squash_output") is True
+        return Architecture(algo, {"pi": pi, "vf": vf}, activation, lstm, sets, pictures, squash)
     pi = _widths(weights, "actor.latent_pi") if algo == "sac" else _widths(weights, "actor.mu")[:-1]
     return Architecture(algo, {"pi": pi, "qf": _widths(weights, "critic.qf0")[:-1]}, activation)
+
+
+def _check_classes(path: Path, extractor: Any, policy: Any) -> None:
+    """Refuse classes of others: one without weights would be left out and nobody would see it."""
+    if _last(extractor) not in EXTRACTORS:
+        raise ValueError(
+            f"{path}: has a features extractor of its own ({_last(extractor)}); it needs --trust"
+        )
+    module = policy.get("__module__", OURS[0]) if isinstance(policy, dict) else OURS[0]
+    if not str(module).startswith(OURS):
+        raise ValueError(f"{path}: has a policy class of its own (in {module}); it needs --trust")
+
+
+def _last(named: Any) -> str:
+    """The name of a class that SB3's JSON shows as "<class 'package.module.Name'>"."""
+    return str(named).rsplit(".", 1)[-1].rstrip("'>")
 
 
 def _widths(weights: dict[str, Any], prefix: str) -> list[int]:

@@ -50,10 +50,14 @@ class LearnedPolicy:
 
 
 def _is_plain(network: Any) -> bool:
-    """Whether a network is PPO's actor without memory, whose mean action is one forward pass."""
+    """Whether a network is PPO's own actor, whose mean action is one forward pass.
+
+    Where actions are squashed (SB3's `squash_output`) it is not: that pass ends before the tanh. A
+    class derived from it may do anything.
+    """
     from stable_baselines3.common.policies import ActorCriticPolicy
 
-    return isinstance(network, ActorCriticPolicy) and not hasattr(network, "lstm_actor")
+    return type(network) is ActorCriticPolicy and not network.squash_output
 
 
 def _mean(network: Any, observation: NDArray[Any]) -> Rows:

@@ -64,6 +64,8 @@ def rebuild(arch: Architecture, weights: dict[str, Any], task: Task, path: Path)
         }
     if "log_std" in weights and weights["log_std"].ndim == 2:
         kwargs["use_sde"] = True  # exploration that depends on the state
+    if arch.squash:
+        kwargs |= {"use_sde": True, "squash_output": True}  # SB3 squashes only with it
     algo = "maskable_ppo" if isinstance(task.action, Choices) else arch.algo
     policy_class = algorithm_class(algo).policy_aliases[
         "MlpLstmPolicy" if arch.lstm else "MlpPolicy"

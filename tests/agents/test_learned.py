@@ -15,6 +15,7 @@ from gymnasium import Env
 from sb3_contrib import RecurrentPPO
 from scipy.stats import wilcoxon
 from stable_baselines3 import PPO, SAC, TD3
+from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.torch_layers import FlattenExtractor
 from torch import nn
 
@@ -51,14 +52,35 @@ class OwnExtractor(FlattenExtractor):
         return self.mix(super().forward(observations))
 
 
+class Backwards(FlattenExtractor):
+    """A features extractor without weights."""
+
+    def forward(self, observations):
+        return super().forward(observations).flip(1)
+
+
+class Halved(ActorCriticPolicy):
+    """A policy that has PPO's weights and acts otherwise."""
+
+    def _predict(self, observation, deterministic=False):
+        return 0.5 * super()._predict(observation, deterministic)
+
+
 def ppo(use_sde=False, **policy):
     settings = {"policy_kwargs": policy, "device": "cpu", "seed": 3, **SMALL}
     return PPO("MlpPolicy", Still(), use_sde=use_sde, **settings)
 
 
-def recurrent(**policy):
+def recurrent(use_sde=False, **policy):
     settings = {"policy_kwargs": policy, "device": "cpu", "seed": 3, **SMALL}
-    return RecurrentPPO("MlpLstmPolicy", Still(), **settings)
+    return RecurrentPPO("MlpLstmPolicy", Still(), use_sde=use_sde, **settings)
+
+
+def far(model):
+    """With means so far out that a tanh and a clip differ."""
+    with torch.no_grad():
+        model.policy.action_net.weight *= 200.0
+    return model
 
 
 def off_policy(algorithm, **policy):
@@ -175,6 +197,9 @@ MODELS = {
     "ppo of two widths": lambda: ppo(net_arch={"pi": [3], "vf": [6, 2]}, activation_fn=nn.ReLU),
     "ppo with eleven layers": lambda: ppo(net_arch=[3, 4, 5, 6, 7, 8, 9, 8, 7, 6, 5]),
     "ppo with state-dependent exploration": lambda: ppo(use_sde=True, net_arch=[5, 7]),
+    "ppo whose actions are squashed": lambda: far(
+        ppo(use_sde=True, squash_output=True, activation_fn=nn.ReLU)
+    ),
     "sac": lambda: off_policy(SAC, net_arch=[5, 4]),
     "sac of two widths": lambda: off_policy(
         SAC, net_arch={"pi": [3], "qf": [4, 4]}, activation_fn=nn.SiLU
@@ -184,13 +209,17 @@ MODELS = {
     "recurrent ppo, one memory": lambda: recurrent(
         net_arch=[], lstm_hidden_size=6, enable_critic_lstm=False
     ),
+    "recurrent ppo whose actions are squashed": lambda: far(
+        recurrent(use_sde=True, squash_output=True, net_arch=[5], lstm_hidden_size=6)
+    ),
 }
 
 
+@pytest.mark.parametrize("trust", [False, True])
 @pytest.mark.parametrize("kind", MODELS)
-def test_a_saved_model_predicts_what_sb3s_own_does(kind, tmp_path):
+def test_a_saved_model_predicts_what_sb3s_own_does(kind, trust, tmp_path):
     model = MODELS[kind]()
-    policy = LearnedPolicy(load_network(saved(model, tmp_path), TASK), TASK)
+    policy = LearnedPolicy(load_network(saved(model, tmp_path), TASK, trust), TASK)
     rows = some_rows()
     expected, _ = model.predict(rows, deterministic=True)
     found, _ = policy.predict(rows)
@@ -412,10 +441,23 @@ def test_an_unknown_activation_needs_trust(tmp_path):
     assert np.array_equal(trusted.predict(some_rows())[0], expected)
 
 
-def test_an_extractor_of_its_own_needs_trust(tmp_path):
-    model = ppo(net_arch=[4], features_extractor_class=OwnExtractor)
+@pytest.mark.parametrize(
+    "extractor, words", [(OwnExtractor, "features_"), (Backwards, "Backwards")]
+)
+def test_an_extractor_of_its_own_needs_trust(extractor, words, tmp_path):
+    model = ppo(net_arch=[4], features_extractor_class=extractor)
     path = saved(model, tmp_path)
-    with pytest.raises(ValueError, match=r"extractor of its own \(features_.*needs --trust"):
+    with pytest.raises(ValueError, match=rf"extractor of its own \({words}.*needs --trust"):
+        load(str(path), TASK, CONFIG)
+    trusted = load(str(path), TASK, CONFIG, trust=True).policy
+    expected, _ = model.predict(some_rows(), deterministic=True)
+    assert np.array_equal(trusted.predict(some_rows())[0], expected)
+
+
+def test_a_policy_class_of_its_own_needs_trust(tmp_path):
+    model = PPO(Halved, Still(), device="cpu", **SMALL)
+    path = saved(model, tmp_path)
+    with pytest.raises(ValueError, match=r"policy class of its own \(in .*needs --trust"):
         load(str(path), TASK, CONFIG)
     trusted = load(str(path), TASK, CONFIG, trust=True).policy
     expected, _ = model.predict(some_rows(), deterministic=True)
