@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 # The layer that reads the observation tells the algorithm; recurrent PPO also has plain PPO's.
-# Maskable PPO's network is plain PPO's: that actions are choices tells.
+# Maskable PPO's network is plain PPO's: that actions are choices tells. So are those of A2C and
+# TRPO; TQC's actor is SAC's, and DDPG's is TD3's.
 FIRST_LAYER = {
     "sac": "actor.latent_pi.0.weight",
     "td3": "actor.mu.0.weight",
@@ -28,7 +29,8 @@ class Architecture:
     """What it takes to rebuild an SB3 policy: algorithm, layer widths, activation, special widths.
 
     `lstm`, `sets` and `pictures` are the widths of a memory, of a network for lists and of one for
-    pictures, 0 where there is none. `squash`: the mean action goes through a tanh (PPO's policies).
+    pictures, 0 where there is none. `squash`: the mean action goes through a tanh (PPO's policies);
+    `clip_mean`: the largest mean of SAC before it, where exploration depends on the state.
     """
 
     algo: str
@@ -38,6 +40,7 @@ class Architecture:
     sets: int = 0
     pictures: int = 0
     squash: bool = False
+    clip_mean: float = 2.0
 
 
 def algorithm_of(path: Path, weights: dict[str, Any]) -> str:
@@ -45,11 +48,14 @@ def algorithm_of(path: Path, weights: dict[str, Any]) -> str:
     if CHOOSING in weights:
         return "ppo"
     for algo, layer in FIRST_LAYER.items():
-        if layer in weights:
+        if layer in weights and weights[layer].ndim == 2:
             return algo
     if LINEAR in weights:
         return "ppo"
-    raise ValueError(f"{path}: the weights are not of a PPO, RecurrentPPO, SAC or TD3 policy")
+    raise ValueError(
+        f"{path}: the weights are not of a PPO, RecurrentPPO, SAC or TD3 policy, with or without "
+        "--trust; fly it as `module:factory`"
+    )
 
 
 def architecture_of(
@@ -96,7 +102,8 @@ def architecture_of(
         squash = kwargs.get("squash_output") is True
         return Architecture(algo, {"pi": pi, "vf": vf}, activation, lstm, sets, pictures, squash)
     pi = _widths(weights, "actor.latent_pi") if algo == "sac" else _widths(weights, "actor.mu")[:-1]
-    return Architecture(algo, {"pi": pi, "qf": _widths(weights, "critic.qf0")[:-1]}, activation)
+    clip_mean = kwargs.get("clip_mean", Architecture.clip_mean)
+    return Architecture(algo, {"pi": pi, "qf": []}, activation, clip_mean=clip_mean)
 
 
 def _check_classes(path: Path, extractor: Any, policy: Any) -> None:

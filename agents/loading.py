@@ -17,14 +17,14 @@ from visenvs.core.lanes import Task
 from visenvs.core.layout import Choices
 
 from .architecture import algorithm_of, architecture_of
-from .networks import algorithm_class, rebuild, wrong_space
+from .networks import IF_YOURS, algorithm_class, rebuild, wrong_space
 
 
 def load_network(path: Path, task: Task, trust: bool = False) -> Any:
     """The SB3 policy in a zip, ready to predict.
 
     Args:
-        path: an SB3 zip of PPO, RecurrentPPO, SAC or TD3 with an MLP policy.
+        path: an SB3 zip of PPO, A2C, TRPO, RecurrentPPO, SAC, TQC, TD3 or DDPG with an MLP policy.
         task: the environment that it is to fly; its spaces must fit.
         trust: let SB3 unpickle what the zip holds (custom policies need it). That runs code of
             whoever made the file.
@@ -42,7 +42,7 @@ def load_network(path: Path, task: Task, trust: bool = False) -> Any:
         try:
             network = rebuild(architecture_of(path, algo, weights, data), weights, task, path)
         except (IndexError, KeyError, TypeError, RuntimeError) as error:
-            raise ValueError(f"{path}: its weights make no network: {error}") from error
+            raise ValueError(f"{path}: its weights make no network: {error} {IF_YOURS}") from error
     seen = network.observation_space.shape
     if task.frames is not None and len(seen) == 3:
         seen = (*seen[1:], seen[0])  # SB3 puts the channels of pictures first

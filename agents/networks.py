@@ -6,6 +6,7 @@ torch and stable-baselines3 are imported only when a network is built.
 from __future__ import annotations
 
 from pathlib import Path
+from textwrap import shorten
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,8 @@ from visenvs.core.lanes import Task
 from visenvs.core.layout import Choices, Layout
 
 from .architecture import CHOOSING, FIRST_LAYER, LINEAR, Architecture
+
+IF_YOURS = "(--trust loads it as stable-baselines3 does, if you made the file yourself)"
 
 
 def set_network(layout: Layout, width: int) -> dict[str, Any]:
@@ -47,7 +50,10 @@ def choice_network(task: Task, width: int) -> tuple[Any, dict[str, Any]]:
 
 
 def rebuild(arch: Architecture, weights: dict[str, Any], task: Task, path: Path) -> Any:
-    """The SB3 policy of this architecture with these weights; a ValueError if they do not fit."""
+    """The SB3 policy of this architecture with these weights; a ValueError if they do not fit.
+
+    Of SAC, TD3 and their like only the actor: critics, however many, fly nothing.
+    """
     from torch import nn
 
     if CHOOSING in weights and isinstance(task.action, Choices):
@@ -60,8 +66,14 @@ def rebuild(arch: Architecture, weights: dict[str, Any], task: Task, path: Path)
     if arch.algo == "recurrent_ppo":
         kwargs |= {
             "lstm_hidden_size": arch.lstm,
+            "n_lstm_layers": sum(name.startswith("lstm_actor.weight_ih_l") for name in weights),
             "enable_critic_lstm": "lstm_critic.weight_ih_l0" in weights,
+            "shared_lstm": not any(
+                name.startswith(("lstm_critic.", "critic.")) for name in weights
+            ),
         }
+    if "actor.log_std" in weights:
+        kwargs |= {"use_sde": True, "clip_mean": arch.clip_mean}
     if "log_std" in weights and weights["log_std"].ndim == 2:
         kwargs["use_sde"] = True  # exploration that depends on the state
     if arch.squash:
@@ -84,6 +96,10 @@ def rebuild(arch: Architecture, weights: dict[str, Any], task: Task, path: Path)
     elif size != task.observation.size:
         raise wrong_space(path, task, (size,))
     policy = policy_class(*_spaces(task), _no_training, **kwargs)
+    if arch.algo in ("sac", "td3"):
+        actor = {name: value for name, value in weights.items() if name.startswith("actor.")}
+        weights = {name.removeprefix("actor."): value for name, value in actor.items()}
+        policy = policy.actor
     return _fill(policy, weights, arch, task, path)
 
 
@@ -98,8 +114,10 @@ def _fill(policy: Any, weights: dict[str, Any], arch: Architecture, task: Task, 
     try:
         policy.load_state_dict(weights)
     except RuntimeError as error:
+        why = str(error).splitlines()[1:2] or [str(error)]  # the first is SB3's name of the class
         raise ValueError(
-            f"{path}: the weights do not fit {arch.algo} on {task.id}: {error}"
+            f"{path}: the weights do not fit {arch.algo} on {task.id}: "
+            f"{shorten(why[0], 120, placeholder=' ...')} {IF_YOURS}"
         ) from None
     return policy
 

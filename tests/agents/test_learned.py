@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 import torch
 from gymnasium import Env
-from sb3_contrib import RecurrentPPO
+from sb3_contrib import ARS, TQC, TRPO, CrossQ, RecurrentPPO
 from scipy.stats import wilcoxon
-from stable_baselines3 import PPO, SAC, TD3
+from stable_baselines3 import A2C, DDPG, PPO, SAC, TD3
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.torch_layers import FlattenExtractor
 from torch import nn
@@ -83,8 +83,9 @@ def far(model):
     return model
 
 
-def off_policy(algorithm, **policy):
+def off_policy(algorithm, use_sde=None, **policy):
     settings = {"policy_kwargs": policy, "device": "cpu", "seed": 3, "buffer_size": 10}
+    settings |= {} if use_sde is None else {"use_sde": use_sde}
     return algorithm("MlpPolicy", Still(), **settings)
 
 
@@ -205,6 +206,21 @@ MODELS = {
         SAC, net_arch={"pi": [3], "qf": [4, 4]}, activation_fn=nn.SiLU
     ),
     "td3": lambda: off_policy(TD3, net_arch=[5, 4], activation_fn=nn.ELU),
+    "a2c": lambda: A2C("MlpPolicy", Still(), device="cpu", seed=3),
+    "trpo": lambda: TRPO("MlpPolicy", Still(), device="cpu", seed=3, **SMALL),
+    "ddpg": lambda: off_policy(DDPG, net_arch=[5, 4]),
+    "td3 with one critic": lambda: off_policy(TD3, net_arch=[5, 4], n_critics=1),
+    "sac with three critics": lambda: off_policy(SAC, net_arch=[5, 4], n_critics=3),
+    "sac with state-dependent exploration": lambda: off_policy(
+        SAC, use_sde=True, net_arch=[5, 4], clip_mean=0.01
+    ),
+    "tqc": lambda: off_policy(TQC, net_arch=[5, 4]),
+    "recurrent ppo of two layers": lambda: recurrent(
+        net_arch=[5], lstm_hidden_size=6, n_lstm_layers=2
+    ),
+    "recurrent ppo with a shared memory": lambda: recurrent(
+        net_arch=[5], lstm_hidden_size=6, shared_lstm=True, enable_critic_lstm=False
+    ),
     "recurrent ppo": lambda: recurrent(net_arch=[5], lstm_hidden_size=6),
     "recurrent ppo, one memory": lambda: recurrent(
         net_arch=[], lstm_hidden_size=6, enable_critic_lstm=False
@@ -427,8 +443,19 @@ def test_weights_that_do_not_fit_together_are_refused(file, tmp_path):
     weights["action_net.weight"] = torch.zeros(5, 4)
     torch.save(weights, tmp_path / "w")
     other = rewritten(file, tmp_path / "other.zip", **{"policy.pth": (tmp_path / "w").read_bytes()})
-    with pytest.raises(ValueError, match="the weights do not fit ppo on visenvs/Rendezvous-v0"):
+    words = "the weights do not fit ppo on visenvs/Rendezvous-v0: size mismatch .*--trust loads it"
+    with pytest.raises(ValueError, match=words) as refused:
         load(str(other), TASK, CONFIG)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("trust", [False, True])
+@pytest.mark.parametrize("algorithm", [CrossQ, ARS])
+def test_other_algorithms_are_refused_with_what_to_do(algorithm, trust, tmp_path):
+    settings = {"buffer_size": 10} if algorithm is CrossQ else {}
+    path = saved(algorithm("MlpPolicy", Still(), device="cpu", **settings), tmp_path)
+    with pytest.raises(ValueError, match=r"not of a PPO.* with or without --trust; fly it as `mod"):
+        load(str(path), TASK, CONFIG, trust=trust)
 
 
 def test_an_unknown_activation_needs_trust(tmp_path):
