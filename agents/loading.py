@@ -17,7 +17,7 @@ from visenvs.core.lanes import Task
 from visenvs.core.layout import Choices
 
 from .architecture import algorithm_of, architecture_of
-from .networks import IF_YOURS, algorithm_class, rebuild, wrong_space
+from .networks import IF_YOURS, algorithm_class, check_kind, rebuild, wrong_space
 
 
 def load_network(path: Path, task: Task, trust: bool = False) -> Any:
@@ -34,6 +34,7 @@ def load_network(path: Path, task: Task, trust: bool = False) -> Any:
     """
     weights, data = _read_zip(path)
     algo = algorithm_of(path, weights)
+    check_kind(path, task, algo in ("ppo", "recurrent_ppo") and "log_std" not in weights)
     if trust:
         masked = algo == "ppo" and isinstance(task.action, Choices)
         algo = "maskable_ppo" if masked else algo
@@ -48,6 +49,9 @@ def load_network(path: Path, task: Task, trust: bool = False) -> Any:
         seen = (*seen[1:], seen[0])  # SB3 puts the channels of pictures first
     if seen != task.space.shape:
         raise wrong_space(path, task, seen)
+    acts, taken = network.action_space, task.action.space
+    if (acts.shape, getattr(acts, "n", 0)) != (taken.shape, getattr(taken, "n", 0)):
+        raise ValueError(f"{path} was trained on actions {acts}; {task.takes}")
     network.set_training_mode(False)
     return network
 

@@ -56,7 +56,7 @@ def rebuild(arch: Architecture, weights: dict[str, Any], task: Task, path: Path)
     """
     from torch import nn
 
-    if CHOOSING in weights and isinstance(task.action, Choices):
+    if CHOOSING in weights:
         chooser, choosing = choice_network(task, arch.sets)
         return _fill(chooser(*_spaces(task), _no_training, **choosing), weights, arch, task, path)
     kwargs: dict[str, Any] = {
@@ -87,13 +87,13 @@ def rebuild(arch: Architecture, weights: dict[str, Any], task: Task, path: Path)
     if arch.pictures:
         if task.frames is None:
             raise ValueError(
-                f"{path} reads pictures, {task.id} gives {task.observation.size} numbers; write "
-                f"observation='pixels', or train with `python -m train.sb3 --env {task.id}`"
+                f"{path} reads pictures, {task.id} gives {task.observation.size} numbers; "
+                + _advice(task, next(iter(task.pictures), ""))
             )
         kwargs |= picture_network(arch.pictures)
     elif arch.sets and any(field.each > 1 for field in task.observation.fields):
         kwargs |= set_network(task.observation, arch.sets)
-    elif size != task.observation.size:
+    elif task.frames is not None or size != task.observation.size:
         raise wrong_space(path, task, (size,))
     policy = policy_class(*_spaces(task), _no_training, **kwargs)
     if arch.algo in ("sac", "td3"):
@@ -149,5 +149,36 @@ def wrong_space(path: Path, task: Task, shape: tuple[int, ...]) -> ValueError:
     names = f" ({', '.join(task.observation.names)})" if task.frames is None else ""
     return ValueError(
         f"{path} was trained on observations of {trained}, {task.id} gives "
-        f"{given}{names}; train with `python -m train.sb3 --env {task.id}`"
+        f"{given}{names}; {_advice(task, _observation(task, shape))}"
+    )
+
+
+def check_kind(path: Path, task: Task, chooses: bool) -> None:
+    """Refuse a network that chooses where numbers are flown, or the other way round."""
+    if chooses != isinstance(task.action, Choices):
+        kinds = {name: isinstance(action, Choices) for name, action in task.modes.items()}
+        fits = next((name for name, kind in kinds.items() if kind == chooses), "")
+        with_it = f'; load it from Python with action_mode="{fits}" in the configuration'
+        raise ValueError(
+            f"{path} was trained {'to choose' if chooses else 'on actions of numbers'}, "
+            f"{task.takes}{with_it if fits else ''}"
+        )
+
+
+def _observation(task: Task, shape: tuple[int, ...]) -> str:
+    """The choice of the setting `observation` that gives such observations; empty if none does."""
+    if len(shape) == 3:
+        return next(
+            (name for name, f in task.pictures.items() if 3 * f.shots in (shape[0], shape[2])), ""
+        )
+    return next((name for name, view in task.views.items() if (view.size,) == shape), "")
+
+
+def _advice(task: Task, observation: str) -> str:
+    train = f"train with `python -m train.sb3 --env {task.id}"
+    if not observation:
+        return f"{train}`"
+    return (
+        f'it may fit observation="{observation}": {train} --observation {observation}`, whose card '
+        f'says so, or load it from Python with observation="{observation}" in the configuration'
     )

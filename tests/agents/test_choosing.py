@@ -3,11 +3,15 @@
 import numpy as np
 import pytest
 import torch
+from gymnasium import Env
 from sb3_contrib import MaskablePPO
+from stable_baselines3 import PPO
 
 from agents.choosing import SetChoicePolicy
+from agents.learned import LearnedPolicy
 from agents.loading import load_network
 from train.vec_env import LaneVecEnv
+from visenvs.core.config import override
 from visenvs.core.registry import load_task
 
 TASK = load_task("visenvs/Herding-v0")
@@ -67,3 +71,23 @@ def test_a_file_is_rebuilt_without_running_it(tmp_path):
     ours, _ = network.predict(rows, action_masks=masks, deterministic=True)
     theirs, _ = model.predict(rows, action_masks=masks, deterministic=True)
     assert ours.tolist() == theirs.tolist()
+
+
+@pytest.mark.parametrize("trust", [False, True])
+def test_a_network_of_the_other_kind_of_action_is_told_which_setting_fits(trust, tmp_path):
+    velocity = TASK.under(override(TASK.scenarios["firmware"], {"action_mode": "velocity"}))
+    env = Env()
+    env.observation_space, env.action_space = velocity.space, velocity.action.space
+    model = PPO("MlpPolicy", env, n_steps=8, batch_size=8, device="cpu")
+    model.save(tmp_path / "model.zip")
+    words = 'on actions of numbers, .* takes the number of one of .*action_mode="velocity"'
+    with pytest.raises(ValueError, match=words):
+        load_network(tmp_path / "model.zip", TASK, trust)
+    policy = LearnedPolicy(load_network(tmp_path / "model.zip", velocity, trust), velocity)
+    rows = np.zeros((2, velocity.observation.size), np.float32)
+    assert np.array_equal(policy.predict(rows)[0], model.predict(rows, deterministic=True)[0])
+    env.action_space = CHOICES.space
+    chooser = MaskablePPO("MlpPolicy", env, n_steps=8, batch_size=8, device="cpu")
+    chooser.save(tmp_path / "chooser.zip")
+    with pytest.raises(ValueError, match=r"was trained to choose, .* takes "):
+        load_network(tmp_path / "chooser.zip", velocity, trust)

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import torch
 from gymnasium import Env
+from gymnasium.spaces import Box
 from sb3_contrib import ARS, TQC, TRPO, CrossQ, RecurrentPPO
 from scipy.stats import wilcoxon
 from stable_baselines3 import A2C, DDPG, PPO, SAC, TD3
@@ -435,6 +436,14 @@ def test_a_model_for_other_rows_is_refused(kind, trust, tmp_path):
     )
     with pytest.raises(ValueError, match=words):
         load_network(path, OTHER, trust)
+
+
+def test_a_model_of_other_actions_is_refused_though_trusted(tmp_path):
+    env = Still()
+    env.action_space = Box(-1.0, 1.0, (TASK.action.size + 1,), np.float32)
+    path = saved(PPO("MlpPolicy", env, device="cpu", **SMALL), tmp_path)
+    with pytest.raises(ValueError, match=r"was trained on actions Box.*Rendezvous-v0 takes "):
+        load_network(path, TASK, trust=True)
 
 
 def test_weights_that_do_not_fit_together_are_refused(file, tmp_path):

@@ -1,10 +1,13 @@
 """Policies that see pictures: trained in the same command, loaded as plainly as the others."""
 
 import json
+import shutil
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from gymnasium import Env
+from stable_baselines3 import PPO
 
 from agents.loading import load_network
 from agents.registry import load
@@ -68,8 +71,29 @@ def test_pictures_of_another_size_are_refused(folder):
     other = TASK.under(override(CONFIG, {"observation": "pixels", "frame": 64}))
     with pytest.raises(ValueError, match=r"the weights do not fit ppo on visenvs/Avoidance-v0"):
         load_network(folder / "model.zip", other)
-    with pytest.raises(ValueError, match=r"train with `python -m train\.sb3"):
-        load_network(folder / "model.zip", TASK)
+
+
+@pytest.mark.parametrize("trust", [False, True])
+def test_pictures_without_a_card_are_told_which_setting_fits(folder, trust, tmp_path):
+    path = shutil.copy(folder / "model.zip", tmp_path)
+    with pytest.raises(
+        ValueError, match=r'--observation pixels`.* Python with observation="pixels'
+    ):
+        load(str(path), TASK, CONFIG, trust)
+    entry = load(str(path), TASK, override(CONFIG, {"observation": "pixels"}), trust)
+    assert entry.information == "pixels"
+
+
+def test_a_network_for_rows_is_told_which_setting_fits(tmp_path):
+    views = {name: TASK.under(override(CONFIG, {"observation": name})) for name in TASK.views}
+    told, cones = views["told"], views["cones"]
+    env = Env()
+    env.observation_space, env.action_space = told.space, told.action.space
+    PPO("MlpPolicy", env, n_steps=8, batch_size=8, device="cpu").save(tmp_path / "model.zip")
+    pixels = TASK.under(override(CONFIG, {"observation": "pixels"}))
+    for other in (cones, pixels):
+        with pytest.raises(ValueError, match=r"train.sb3 --env .* --observation told`"):
+            load_network(tmp_path / "model.zip", other)
 
 
 def test_presets_of_pictures_and_of_rows_differ():

@@ -77,7 +77,7 @@ class Card:
     """What `load_network` asks of a task."""
 
     id, observation, action, space = "visenvs/Lists-v0", LAYOUT, LAYOUT, LAYOUT.space
-    frames = None
+    frames, views, takes = None, {}, "takes"
 
 
 class Plain(Card):
