@@ -140,6 +140,11 @@ def check(options: Options) -> None:
         )
     if options.seed < 0:
         raise ValueError(f"the seed must not be negative, got {options.seed}")
+    if options.residual_scale is not None and options.residual is None:
+        raise ValueError(
+            f"--residual-scale {options.residual_scale:g} says how far a law is corrected; "
+            "write --residual LAW too"
+        )
 
 
 def check_action(options: Options, task: Task) -> None:

@@ -273,6 +273,10 @@ def test_other_options_do_not_go_on_with_a_run(done, changes, words, capsys):
         ({"residual": "straight"}, "straight needs turn_max"),
         ({"residual": "lq", "residual_scale": 0.0}, "must lie in (0, 1], got 0.0"),
         ({"residual": "lq", "residual_scale": 1.5}, "must lie in (0, 1], got 1.5"),
+        (
+            {"residual_scale": 0.5},
+            "--residual-scale 0.5 says how far a law is corrected; write --r",
+        ),
         ({"steps": 0}, "steps, lanes and validate-every must be at least 1, got 0"),
         ({"steps": -5}, "must be at least 1, got -5"),
         ({"validate_every": 0}, "must be at least 1"),
