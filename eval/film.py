@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
@@ -19,6 +18,7 @@ from visenvs.core.registry import load_task
 from .rollout import PUBLIC_SEEDS, decide
 
 PROGRAM = "eval.film"
+SPEEDS = 0.01, 1e6  # how many times real time; a GIF holds a picture for 655 s at most
 FILM = "visenvs.render.film"  # imported when it is needed
 
 
@@ -39,7 +39,7 @@ class Options:
     seed: int = PUBLIC_SEEDS[0]
     """Which episode."""
     speed: float = 1.0
-    """How many times faster than real time a video runs."""
+    """How many times faster than real time a video runs, from 0.01 to 1,000,000."""
     at: float | None = None
     """Moment of a .png in seconds from the start; the end if not given."""
     trust: bool = False
@@ -64,8 +64,10 @@ def run(options: Options) -> None:
 
 def _check(options: Options) -> None:
     import_module(FILM).check_suffix(options.out)
-    if not 0.0 < options.speed < math.inf:
-        raise ValueError(f"--speed must be above 0 and finite, got {options.speed}")
+    if not SPEEDS[0] <= options.speed <= SPEEDS[1]:
+        raise ValueError(
+            f"--speed must lie in [{SPEEDS[0]:g}, {SPEEDS[1]:g}], got {options.speed:g}"
+        )
     if options.at is not None and (options.out.suffix != ".png" or not options.at >= 0):
         raise ValueError(f"--at is the moment of a .png, 0 s or later, got {options.at}")
     check_writable(options.out)

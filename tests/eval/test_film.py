@@ -8,7 +8,7 @@ import pytest
 from PIL import Image, ImageSequence
 
 from agents.registry import load
-from eval.film import Options, run
+from eval.film import SPEEDS, Options, run
 from visenvs.core.cli import guarded
 from visenvs.core.files import replacing
 from visenvs.core.registry import load_task
@@ -75,7 +75,10 @@ def test_the_estimator_can_be_the_truth(tmp_path):
         ({"out": Path("a.avi")}, ".gif, .mp4, .png"),
         ({"out": Path("no/such/folder/a.gif")}, "no folder"),
         ({"seed": -1}, "seed"),
-        ({"speed": 0.0}, "--speed"),
+        ({"speed": 0.0}, "--speed must lie in [0.01, 1e+06], got 0"),
+        ({"speed": 1e-9}, "got 1e-09"),
+        ({"speed": 1e308}, "got 1e+308"),
+        ({"speed": float("nan")}, "got nan"),
         ({"at": 1.0}, "--at"),
         ({"policy": "tests_no_such_module:make"}, "tests_no_such_module"),
     ],
@@ -87,6 +90,18 @@ def test_a_mistake_is_one_line_and_leaves_no_file(tmp_path, monkeypatch, capsys,
     error = capsys.readouterr().err
     assert told in error and error.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("speed", SPEEDS)
+def test_the_slowest_and_the_fastest_film_can_be_written(tmp_path, speed):
+    """Of the task with the longest steps, whose pictures rest longest."""
+    task = load_task("visenvs/BearingsOnly-v0")
+    config = next(iter(task.scenarios.values()))
+    records = film.fly(load("zero", task, config).policy.predict, task, config, 5)[:8]
+    film.write(tmp_path / "a.gif", records, task, config, speed)
+    with Image.open(tmp_path / "a.gif") as gif:
+        first = next(ImageSequence.Iterator(gif)).info["duration"]
+    assert first == pytest.approx(1000 * config.dt / speed if speed < 1 else 40, rel=0.05)
 
 
 def test_a_policy_that_fails_is_one_line_and_leaves_no_file(tmp_path, monkeypatch, capsys):

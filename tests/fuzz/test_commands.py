@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -13,12 +15,19 @@ TYPED = st.text(st.characters(exclude_characters="/\0", exclude_categories=["Cs"
 VALUES = TYPED | st.sampled_from(["visenvs/Tracking2D-v0", "lq", "random", "-1", "nan", "1e999"])
 LEADERBOARD = ("scenario", "episodes", "estimator", "perception", "reference", "json", "workers")
 FILM = ("scenario", "estimator", "seed", "speed", "at")
+NUMBERS = st.floats().map(repr)  # from 5e-324 to 1.8e308, nan and inf
 
 
 def typed(names):
-    return st.dictionaries(st.sampled_from(names), VALUES, max_size=3).map(
+    return st.dictionaries(st.sampled_from(names), VALUES | NUMBERS, max_size=3).map(
         lambda given: [f"--{name}={value}" for name, value in given.items()]
     )
+
+
+def written(out, records, task, config, speed, at):
+    """What of `film.write` a speed can break, without drawing."""
+    assert 1.0 <= 1000 * vars(config)["dt"] / speed <= 655_350 or speed > 1
+    assert math.isfinite(speed / vars(config)["dt"])
 
 
 @pytest.fixture
@@ -28,7 +37,7 @@ def command(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(results, "RESULTS", tmp_path / "results")
     monkeypatch.setattr(leaderboard, "make_boards", lambda *_: [])  # nobody flies
     monkeypatch.setattr(film.import_module(film.FILM), "fly", lambda *_: [])
-    monkeypatch.setattr(film.import_module(film.FILM), "write", lambda *_: None)
+    monkeypatch.setattr(film.import_module(film.FILM), "write", written)
 
     def command(program, words):
         monkeypatch.setattr("sys.argv", [program.PROGRAM, *words])
