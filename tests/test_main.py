@@ -31,6 +31,24 @@ def test_list_names_every_environment(visenvs):
     assert code == 0
     for env_id in environment_files():
         assert env_id in out and load_task(env_id).summary in out
+    default = load_task("visenvs/Mapping-v0").scenarios["town"].estimator
+    assert f"estimators: {default}, " in out.partition("Mapping-v0")[2]
+
+
+@pytest.mark.parametrize("policy", ["ppo", "random"])
+def test_what_is_no_law_is_told_those_that_can_fly_and_where_others_do(policy, visenvs):
+    code, _, err = visenvs("demo", "Mapping-v0", "--policy", policy)
+    assert code == 1 and err.count("\n") == 1
+    listed = err.partition("can fly visenvs/Mapping-v0: ")[2].partition(";")[0].split(", ")
+    assert {"circle", "information-gain"} <= set(listed) and not {"pn", "dgg"} & set(listed)
+    assert f"`python -m eval.film --env visenvs/Mapping-v0 --policy {policy} --out" in err
+
+
+@pytest.mark.parametrize("env_id", environment_files())
+def test_the_default_estimator_is_listed_first(env_id):
+    config = next(iter(load_task(env_id).scenarios.values()))
+    listed = __main__.default_first(config)
+    assert not listed or listed[0] == config.estimator
 
 
 @pytest.mark.parametrize("env_id", environment_files())

@@ -30,7 +30,8 @@ class Options:
     steps: int = 3_000_000
     """environment steps in total"""
     seed: int = 0
-    """of the network, and of the lanes: lane i flies seed * lanes + i"""
+    """of the network, and of the lanes: lane i flies seed * lanes % (90000 - lanes) + i; each time
+    that a run goes on after a break, seed counts 37 more there"""
     lanes: int | None = None
     """environments side by side, teams where agents fly together; the preset's if left out"""
     residual: str | None = None

@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import get_args
 
 from visenvs.core.cli import finish
-from visenvs.core.config import field_types, pick
+from visenvs.core.config import Config, field_types, nearest, pick
 from visenvs.core.files import check_writable
+from visenvs.core.lanes import Task
 from visenvs.core.layout import Layout
 from visenvs.core.outcome import Outcome
-from visenvs.core.registry import environment_files, find_law, laws, load_task
-from visenvs.guidance.policy import LawPolicy
+from visenvs.core.registry import Law, environment_files, find_law, laws, load_task
+from visenvs.guidance.policy import LawPolicy, lacking
 
 
 def main() -> None:
@@ -36,11 +37,11 @@ def main() -> None:
 
 
 def listing(_asked: argparse.Namespace) -> None:
-    """Print every id with its summary, scenarios and estimators."""
+    """Print every id with its summary, scenarios and estimators, the defaults first."""
     for env_id in environment_files():
         task = load_task(env_id)
         config = next(iter(task.scenarios.values()))
-        estimators = get_args(field_types(type(config)).get("estimator"))
+        estimators = default_first(config)
         print(f"{env_id}\n  {task.summary}\n  scenarios: {', '.join(task.scenarios)}")
         if estimators:
             print(f"  estimators: {', '.join(estimators)}")
@@ -68,8 +69,8 @@ def fly(asked: argparse.Namespace) -> None:
     scenario = asked.scenario or next(iter(task.scenarios))
     config = pick("scenario", scenario, task.scenarios)
     name = asked.policy or task.reference
-    law = find_law(name) or pick("law", name, laws())
-    policy = LawPolicy(law, task.under(config), config)
+    task = task.under(config)
+    policy = LawPolicy(law_of(name, task, config), task, config)
     if asked.video is not None:
         film.check_suffix(asked.video)
         check_writable(asked.video)
@@ -82,6 +83,25 @@ def fly(asked: argparse.Namespace) -> None:
     if asked.video is not None:
         film.write(asked.video, records, task, config)
         print(f"written: {asked.video}")
+
+
+def default_first(config: Config) -> list[str]:
+    """The estimators that there are, the scenario's own first; none if there is no choice."""
+    known = get_args(field_types(type(config)).get("estimator"))
+    return sorted(known, key=lambda name: name != getattr(config, "estimator", ""))
+
+
+def law_of(name: str, task: Task, config: Config) -> Law:
+    """The law of that name; a ValueError lists those that can fly here."""
+    law = find_law(name)
+    if law is None:
+        able = [known for known, law in laws().items() if not lacking(law, task, config)]
+        raise ValueError(
+            f"unknown law {name!r}{nearest(name, able)} Laws that can fly {task.id}: "
+            f"{', '.join(able)}; other policies fly with "
+            f"`python -m eval.film --env {task.id} --policy {name} --out flight.gif`"
+        )
+    return law
 
 
 def diagnose(_asked: argparse.Namespace) -> None:
