@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -52,7 +53,12 @@ class Board:
 
 
 def make_board(task: Task, scenario: str, lines: Sequence[tuple[Row, Result | None]]) -> Board:
-    """A board of rows with their results, put in order."""
+    """A board of rows with their results, put in order; labels that are not alone are as typed."""
+    times = Counter(row["label"] for row, _ in lines)
+    lines = [
+        (row | {"label": row["policy" if times[row["label"]] > 1 else "label"]}, result)
+        for row, result in lines
+    ]
     ranked = sorted(lines, key=lambda line: _rank(line[0]))
     rows, results = tuple(row for row, _ in ranked), tuple(result for _, result in ranked)
     return Board(task, scenario, rows, results)

@@ -19,6 +19,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from agents import registry
+from agents.card import digest
 from agents.policy import Policy
 from visenvs.core.config import Config, to_json
 from visenvs.core.files import replacing
@@ -120,7 +121,10 @@ def sources() -> str:
 
 
 def _content(policy: str) -> str:
-    """sha256 of what a policy is loaded from, where it is a file."""
+    """sha256 of what a policy is loaded from, its card too, where it is a file."""
     path = Path(policy)
     path = path / "model.zip" if path.is_dir() else path
-    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
+    if not path.is_file():
+        return ""
+    read = path, path.with_name("card.json")
+    return " ".join(digest(file) for file in read if file.is_file())

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -106,6 +107,17 @@ def test_every_policy_has_a_row_a_bar_a_curve_and_a_cloud(costs):
     assert text.count('class="curve ') == 2  # zero sees nothing
     assert text.count('class="dots"') == 1  # lq is the reference
     assert "a summary" in parser.text
+
+
+def test_models_of_one_name_are_told_apart():
+    task, lines = load_task("visenvs/Rendezvous-v0"), []
+    for policy, cost in (("a/ppo", 1.0), ("b/ppo", 2.0), ("lq", 3.0)):
+        result = replace(a_result(policy, np.full(20, cost)), label=policy.rpartition("/")[2])
+        lines.append((result_row(task, result, None), result))
+    board = make_board(task, "random", lines)
+    assert [row["label"] for row in board.rows] == ["a/ppo", "b/ppo", "lq"]
+    text = page.render([board], MADE)
+    assert all(f'data-value="{label}"' in text for label in ("a/ppo", "b/ppo", "lq"))
 
 
 def test_a_clip_says_what_it_shows(costs):

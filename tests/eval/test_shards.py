@@ -1,10 +1,12 @@
 """Evaluations in shards: the same on every backend, and kept when broken off."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
 
+from agents.registry import shipped
 from eval import jobs, leaderboard, results, rollout, shards
 from eval.leaderboard import Options, run
 from eval.shards import Flight, Store, fly_shard
@@ -84,6 +86,21 @@ def test_shards_of_other_seeds_or_sources_are_other_shards(tmp_path, monkeypatch
     assert path != store.path(flight, range(6))
     monkeypatch.setattr(shards, "sources", lambda: "edited")
     assert path != store.path(flight, range(5))
+
+
+def test_shards_of_another_model_or_card_are_other_shards(tmp_path):
+    """A card says on which law, and how far, a network corrects."""
+    config = load_task(ENV).scenarios["random"]
+    folder = tmp_path / "ppo"
+    shutil.copytree(shipped(ENV)["ppo-lq"].parent, folder)
+    seen = set()
+    for name in (None, "card.json", "model.zip"):
+        if name is not None:
+            with (folder / name).open("ab") as file:
+                file.write(b" ")
+        for policy in (str(folder), str(folder / "model.zip")):
+            seen.add(Store(tmp_path).path(Flight(ENV, config, policy, False), range(5)))
+    assert len(seen) == 6
 
 
 def test_the_backend_is_checked_before_anything_flies(tmp_path, monkeypatch):
