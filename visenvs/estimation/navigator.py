@@ -97,9 +97,9 @@ class Navigator:
         used, taken, seen = 0, np.zeros(len(pixels), bool), np.empty(2)
         held: list[Values] = []
         for j in np.flatnonzero(nav["alive"]):
-            depth = vio.expect(nav, j, self.C_CB, cfg["min_range"], scratch, seen)
+            ahead = vio.expect(nav, j, self.C_CB, cfg["min_range"], scratch, seen)
             place = self.optics.pixels(seen)
-            if depth < cfg["min_range"] or not self.optics.shows(place, BORDER):
+            if not ahead or not self.optics.shows(place, BORDER):
                 nav["alive"][j] = 0.0
                 continue
             i = self._corner(int(j), place, pixels, patches, taken)
