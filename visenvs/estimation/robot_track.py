@@ -117,6 +117,7 @@ def absorb(bank, j, place, variance, turned, cfg, scratch):
         robot_clock.note_spin(bank, j, cfg)
     elif spun >= 0.0:
         robot_clock.note_double(bank, j, cfg)
+        robot_clock.note_restart(bank, j, cfg)
     else:
         robot_clock.note_overdue(bank, j, cfg)
     filled = push(bank["sights"][j], int(bank["filled"][j]), bank["t"], place)
