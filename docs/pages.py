@@ -29,14 +29,14 @@ REPRODUCTION = DOCS / "reproduction.json"
 ESTIMATION = DOCS.parent / "visenvs" / "estimation"
 CASES = {  # of `eval.reproduce`, where a published figure can be compared with ours
     "Rendezvous-v0": ("rendezvous", "lq-gains"),
-    "Tracking2D-v0": ("table2", "table3", "table4", "table5", "fig44", "fig47", "fig50"),
+    "Tracking2D-v0": ("table2", "table3", "table4", "table5", "fig47", "fig50"),
     "Avoidance-v0": (
-        *("fig25", "fig27", "fig30", "fig34"),
+        *("fig25", "fig27", "fig30", "fig34", "fig44"),
         *("iisc-2", "iisc-3", "iisc-4", "iisc-5", "iisc-sigma"),
     ),
     "Formation-v0": ("fig7", "fig8", "fig10", "fig11", "gtmax", "gtyak", "string", "leader", "ukf"),
     "Mapping-v0": ("fig15", "fig16", "fig18", "fig19"),
-    "Herding-v0": ("iarc-fig3", "ncc", "iarc-fig5", "iarc-fig7", "ddp"),
+    "Herding-v0": ("iarc-fig3", "ncc", "iarc-fig5", "iarc-fig7", "ddp", "vio", "ud"),
 }
 
 

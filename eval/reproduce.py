@@ -22,6 +22,7 @@ from .results import meta
 from .rollout import public_seeds
 
 PROGRAM = "eval.reproduce"
+EPISODES = 100  # of a case that does not say otherwise
 
 
 @dataclass(frozen=True)
@@ -30,8 +31,9 @@ class Options(Workers):
 
     cases: Annotated[tuple[str, ...], tyro.conf.Positional] = ()
     """tables and figures by name; all if none is named"""
-    episodes: int = 100
-    """episodes for each figure that has chance in it, on the first public seeds"""
+    episodes: int | None = None
+    """episodes for each figure that has chance in it, on the first public seeds; 100, or what the
+    case needs to tell inside a band from outside, if not given"""
     images: bool = False
     """add the rows of cases that are also flown on rendered pictures"""
     json: Path | None = None
@@ -42,7 +44,8 @@ class Options(Workers):
 
 def main(options: Options) -> None:
     """Print the papers' figures beside ours, with standard errors and a verdict."""
-    seeds = public_seeds(options.episodes)
+    if options.episodes is not None:
+        public_seeds(options.episodes)
     check(options)
     if options.json is not None:
         check_writable(options.json)
@@ -54,7 +57,12 @@ def main(options: Options) -> None:
         pick("case", name, known)
     if options.images and not any(hasattr(known[name], "image_rows") for name in chosen):
         raise ValueError(f"--images: none of {', '.join(chosen)} is flown on rendered pictures")
-    calls = [(name, options.episodes, options.plots, options.images) for name in chosen]
+    needed = [options.episodes or getattr(known[name], "EPISODES", EPISODES) for name in chosen]
+    seeds = public_seeds(max(needed))
+    calls = [
+        (name, episodes, options.plots, options.images)
+        for name, episodes in zip(chosen, needed, strict=True)
+    ]
     done = completed(fly, calls, options)
     found: dict[int, list[Row]] = {}
     screen = Console(stderr=True)

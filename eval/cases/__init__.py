@@ -44,7 +44,8 @@ class Row:
 def cases() -> dict[str, ModuleType]:
     """Every case by name: a module with `rows(episodes)`.
 
-    Some have `plot(folder, episodes)`, or `image_rows(episodes)`, the same on rendered pictures.
+    Some have `plot(folder, episodes)`, or `image_rows(episodes)`, the same on rendered pictures;
+    EPISODES says how many it takes to tell inside a band from outside, where 100 are too few.
     """
     files = [info.name for info in pkgutil.iter_modules(__path__) if not info.name.startswith("_")]
     modules = [importlib.import_module(f"{__name__}.{name}") for name in files]

@@ -79,7 +79,7 @@ def match(camera: str, name: str, scenes: int) -> tuple[Values, Values, Values]:
         view = View(scene.image, OPTICS, scene.C, scene.r_V_N)
         pixels, _, whole = whole_robots(scene)
         for robot, pixel, seen in zip(scene.robots, pixels, whole, strict=True):
-            place = view.place(pixel + rng.normal(0.0, OFF, 2))
+            place = view.place(pixel + rng.normal(0.0, OFF, 2)).tolist()
             off = rng.normal(0.0, TURN) if name != "sixteen" else rng.uniform(-math.pi, math.pi)
             tried = float(robot["heading"]) + off + HEADINGS[name]
             if not seen:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 
+import numpy as np
 import pytest
 
 from visenvs.core.files import check_writable, read_json, write_json, write_text
@@ -32,6 +33,13 @@ def test_numbers_that_json_does_not_know_become_null(tmp_path):
     write_json(target, {1: [math.inf, (math.nan, 0.1)], "deep": {"x": -math.inf}})
     content = json.loads(target.read_text(), parse_constant=pytest.fail)
     assert content == {"1": [None, [None, 0.1]], "deep": {"x": None}}
+
+
+def test_numbers_of_numpy_are_numbers(tmp_path):
+    write_json(tmp_path / "a.json", {"n": np.int64(3), "x": [np.float64(math.nan), np.bool_(True)]})
+    write_json(tmp_path / "b.json", np.array([[1.5, math.inf]]))
+    assert read_json(tmp_path / "a.json") == {"n": 3, "x": [None, True]}
+    assert read_json(tmp_path / "b.json") == [[1.5, None]]
 
 
 def test_a_class_becomes_its_name(tmp_path):

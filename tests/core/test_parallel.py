@@ -1,7 +1,9 @@
 """Calls in this process, in others and on Ray come to the same, also when workers are killed."""
 
+import multiprocessing
 import os
 import signal
+import time
 from pathlib import Path
 
 import pytest
@@ -32,6 +34,10 @@ def refuse(number):
     raise ValueError(f"no {number} here")
 
 
+def rest(seconds):
+    time.sleep(seconds)
+
+
 @pytest.mark.parametrize("backend", ["local", "processes"])
 def test_every_call_is_made_once(backend):
     calls = [(number,) for number in range(6)]
@@ -50,6 +56,16 @@ def test_a_call_whose_worker_is_killed_is_made_again(tmp_path):
 def test_workers_that_always_die_are_given_up():
     with pytest.raises(RuntimeError, match=r"workers died 4 times .*--backend local"):
         list(completed(die, [(1,)], Workers("processes", 1)))
+
+
+def test_what_runs_is_ended_when_nobody_waits_for_it():
+    found = completed(rest, [(0.0,), (600.0,)], Workers("processes", 2))
+    assert next(found) == (0, None)
+    workers = multiprocessing.active_children()
+    found.close()
+    for worker in workers:
+        worker.join(60.0)
+    assert workers and not any(worker.is_alive() for worker in workers)
 
 
 def test_errors_of_the_function_come_through():

@@ -213,6 +213,17 @@ def test_the_track_of_another_object_is_a_wrong_update_and_a_second_one_a_ghost(
     assert at.count("ghosts") == 1
 
 
+def test_a_track_is_whose_most_of_its_last_sightings_are(scene):
+    at = scene((150.0, 20.0, 0.0))
+    owners = []
+    for label in [0, 1, 1, 0, *[1] * 20, *[0] * 11]:
+        at.image([[0.3, 0.0]], [label])
+        owners.append(at.tracks["owner"][0])
+    assert owners[:6] == [0.0, 0.0, 1.0, 1.0, 1.0, 1.0]
+    assert owners[-2:] == [1.0, 0.0]
+    assert at.count("made") == 1 and at.count("wrong") == 2 + 1 + 11
+
+
 def test_labels_keep_apart_what_looks_the_same(scene):
     at = scene(labelled=True)
     assert at.image([[0.3, 0.0], [0.301, 0.0]], [0, 1]) == [NEW, NEW]

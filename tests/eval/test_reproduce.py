@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import runpy
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,6 +13,7 @@ from eval import reproduce
 from eval.cases import Row, cases, lq_gains, rendezvous, standard_error
 from eval.reproduce import Options, main
 from visenvs.core.cli import guarded
+from visenvs.core.provenance import CHECKOUT
 
 KEYS = ["id", "paper", "ours", "se", "n", "low", "high", "ok"]
 PUBLISHED = {
@@ -91,6 +93,12 @@ def test_every_published_row_is_there_once(flown):
     for name, rows in flown.items():
         assert all(row.id.startswith(f"{name}/") for row in rows)
         assert PUBLISHED.get(name, set()) <= {row.id for row in rows}
+
+
+def test_every_case_stands_on_one_page_and_is_recorded():
+    pages = runpy.run_path(str(CHECKOUT / "docs" / "pages.py"))
+    assert sorted(name for names in pages["CASES"].values() for name in names) == sorted(cases())
+    assert {row["id"].split("/")[0] for row in pages["recorded"]()["rows"]} == set(cases())
 
 
 def test_the_bands_are_those_that_were_agreed(flown):
@@ -259,6 +267,13 @@ def test_all_cases_run_if_none_is_named_and_each_once(made_up):
     assert made_up == [2, 2, 2]
     assert guarded(lambda: main(Options(cases=("good", "good"), episodes=4))) == 0
     assert made_up[3:] == [4]
+
+
+def test_a_case_flies_as_often_as_its_bands_need_unless_told(made_up):
+    reproduce.cases()["good"].EPISODES = 300
+    assert guarded(lambda: main(Options(cases=("good", "drawn")))) == 0
+    assert guarded(lambda: main(Options(cases=("good", "drawn"), episodes=4))) == 0
+    assert made_up == [300, reproduce.EPISODES, 4, 4]
 
 
 def test_cases_with_a_picture_draw_it(made_up, tmp_path, capsys):

@@ -46,7 +46,7 @@ def replacing(path: Path) -> Generator[Path]:
 
 
 def write_json(path: Path, content: Any) -> None:
-    """Write plain types as strict JSON, whole or not at all.
+    """Write plain types, and numpy's, as strict JSON, whole or not at all.
 
     Infinity and NaN become null, and a class its name.
     """
@@ -66,6 +66,8 @@ def _plain(content: Any) -> Any:
         return {str(key): _plain(value) for key, value in content.items()}
     if isinstance(content, list | tuple):
         return [_plain(value) for value in content]
+    if hasattr(content, "tolist"):  # of numpy, which is not imported for this
+        return _plain(content.tolist())
     if isinstance(content, float) and not math.isfinite(content):
         return None
     if isinstance(content, type):

@@ -73,6 +73,7 @@ def _in_processes(
     left, deaths = dict(enumerate(calls)), 0
     spawn = multiprocessing.get_context("spawn")
     while left:
+        others = set(multiprocessing.active_children())
         pool = ProcessPoolExecutor(min(workers, len(left)), mp_context=spawn)
         try:
             futures = {pool.submit(function, *call): i for i, call in left.items()}
@@ -92,6 +93,9 @@ def _in_processes(
                 ) from None
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
+            if left:  # broken off: nobody waits for what still runs
+                for worker in set(multiprocessing.active_children()) - others:
+                    worker.terminate()
 
 
 def _on_ray(

@@ -110,7 +110,7 @@ def tell_priors(lane, cfg, work):
                 P[j, j] = deviation * deviation
             elif j != (0 if kind == tracks.SPHERICAL else 2):  # the angles
                 P[j, j] += deviation * deviation / square
-        T["alive"][i] = T["hits"][i] = 1.0
+        T["alive"][i] = T["hits"][i] = T["votes"][i] = 1.0
         T["owner"][i] = i
         T["made"] += 1.0
         start_moving(lane, i, cfg)
@@ -176,9 +176,7 @@ def track_moving(lane, cfg, work):
         if j >= 0:
             drifting.update(lane["x_O"][j], lane["P_O"][j], r_V, C, seen[i], cfg, work["moving"])
             copy_position(lane, j)
-            T["hits"][j] += 1.0
-            T["unseen"][j] = T["missed"][j] = 0.0
-            T["wrong"] += 1.0 if T["owner"][j] != labels[i] else 0.0
+            tracks.count_hit(T, j, labels[i])
     threshold = -1.0 if has_labels(cfg) else cfg["ztest_max"]
     for i in range(count):
         if choice[i] == NEW:

@@ -24,6 +24,7 @@ KINDS = ("cartesian", "inverse-ekf", "inverse-ukf", "spherical", "batch", "bank"
 CARTESIAN, INVERSE_EKF, INVERSE_UKF, SPHERICAL, BATCH, BANK = range(6)
 PRIORS = ("full", "thesis")  # `inertial.begin`, `inertial.begin_thesis`
 FULL, THESIS = range(2)
+RECENT = 10.0  # sightings of another object after which a track is that object's at the latest
 NOBODY = -1.0  # label of a sighting that is of no object
 
 
@@ -34,7 +35,7 @@ def tracks_dtype(slots: int, window: int = 1, cells: int = bank.CELLS) -> np.dty
             f"slots={slots}, window={window}, cells={cells}: a record holds at least one track, "
             "and a track one sighting and one cell; write `tracks_dtype(6, window=1)`"
         )
-    one = ("prior", "alive", "hits", "missed", "unseen", "owner", "ahead", "in_view")
+    one = ("prior", "alive", "hits", "missed", "unseen", "owner", "votes", "ahead", "in_view")
     return np.dtype(
         [
             *((name, "f8", (slots, 3)) for name in ("x", "anchor", "r", "factor")),
@@ -217,7 +218,7 @@ def absorb(kind, tracks, r_V, C, seen, labels, priors, count, threshold, cfg, wo
 
     A sighting with a number that is not finite is left out. Counted in `tracks`: `made` tracks,
     `ghosts` among them (of nothing, or of an object that had one), `wrong` updates (by another
-    object than the track's first), sightings `dropped` for want of a slot.
+    object than the track's owner), sightings `dropped` for want of a slot.
 
     Args:
         seen: measurements, (rows, 2), of which `count` are in use.
@@ -234,13 +235,29 @@ def absorb(kind, tracks, r_V, C, seen, labels, priors, count, threshold, cfg, wo
             work["choice"][i] = IGNORED
         elif j >= 0:
             update(kind, tracks, j, r_V, C, seen[i], cfg, work["filter"])
-            tracks["hits"][j] += 1.0
-            tracks["unseen"][j] = tracks["missed"][j] = 0.0
-            tracks["wrong"] += 1.0 if tracks["owner"][j] != labels[i] else 0.0
+            count_hit(tracks, j, labels[i])
     for i in range(count):
         if work["choice"][i] == NEW:
             create(kind, tracks, i, r_V, C, seen, labels, priors, count, threshold, cfg, work)
     delete(tracks, cfg["delete_after"])
+
+
+@kernel
+def count_hit(tracks, j, label):
+    """Count an update of track j; its owner is whom most of its last sightings were of.
+
+    That is the majority vote of Boyer and Moore, in which no lead is longer than RECENT.
+    """
+    tracks["hits"][j] += 1.0
+    tracks["unseen"][j] = tracks["missed"][j] = 0.0
+    if tracks["owner"][j] == label:
+        tracks["votes"][j] = min(tracks["votes"][j] + 1.0, RECENT)
+        return
+    tracks["wrong"] += 1.0
+    if tracks["votes"][j] > 0.0:
+        tracks["votes"][j] -= 1.0
+    else:
+        tracks["owner"][j], tracks["votes"][j] = label, 1.0
 
 
 @kernel
@@ -265,7 +282,8 @@ def create(kind, tracks, i, r_V, C, seen, labels, priors, count, threshold, cfg,
             ghost = True
     tracks["ghosts"] += 1.0 if ghost else 0.0
     begin(kind, tracks, slot, r_V, C, seen[i], priors[i], cfg, work["filter"])
-    tracks["alive"][slot], tracks["hits"][slot], tracks["owner"][slot] = 1.0, 1.0, labels[i]
+    tracks["owner"][slot] = labels[i]
+    tracks["alive"][slot] = tracks["hits"][slot] = tracks["votes"][slot] = 1.0
     tracks["missed"][slot] = tracks["unseen"][slot] = 0.0
     expect(kind, tracks, slot, r_V, C, cfg, work["filter"])
     predicted, factor = tracks["predicted"][slot], tracks["factor"][slot]
