@@ -293,7 +293,10 @@ def correct(nav, scratch):
 
 @kernel
 def add_landmark(nav, j, C_CB, measured, settings, scratch, pixel):
-    """Put a new landmark into slot j, where its ray meets the floor; False where it does not."""
+    """Put a new landmark into slot j, where its ray meets the floor; False where it does not.
+
+    Nor where that is too near: there it has no slopes.
+    """
     C, ray = nav["C"], scratch["r_B"]
     for i in range(3):
         ray[i] = C_CB[0, i] + C_CB[1, i] * measured[0] + C_CB[2, i] * measured[1]
@@ -307,8 +310,9 @@ def add_landmark(nav, j, C_CB, measured, settings, scratch, pixel):
         deviation = UP if i == 2 else ACROSS
         ud.replace(nav["U"], nav["D"], VEHICLE + 3 * j + i, deviation**2, scratch["b"])
     nav["landmarks"][j, 2] = 0.0
+    if not expect(nav, j, C_CB, settings["min_range"], scratch, pixel):
+        return False
     nav["alive"][j], nav["missed"][j] = 1.0, 0.0
-    expect(nav, j, C_CB, settings["min_range"], scratch, pixel)
     variance = settings["sigma_pixel"] ** 2
     for n in range(2):
         residual, _ = innovation(nav, measured, pixel, n, variance, scratch)
