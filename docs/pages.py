@@ -36,7 +36,7 @@ CASES = {  # of `eval.reproduce`, where a published figure can be compared with 
     ),
     "Formation-v0": ("fig7", "fig8", "fig10", "fig11", "gtmax", "gtyak", "string", "leader", "ukf"),
     "Mapping-v0": ("fig15", "fig16", "fig18", "fig19"),
-    "Herding-v0": ("iarc-fig3", "iarc-fig5", "iarc-fig7", "ddp", "vio", "ud"),
+    "Herding-v0": ("iarc-fig3", "ncc", "iarc-fig5", "iarc-fig7", "ddp", "vio", "ud"),
 }
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from visenvs.dynamics.quadrotor import tilt_for
+from visenvs.estimation import vio
 from visenvs.estimation.navigator import Navigator, settings
 from visenvs.sensors.images.arena import shared_arena
 from visenvs.sensors.images.exposure import expose
@@ -78,8 +79,13 @@ def rates(t: float) -> Values:
     return off / DT * (math.asin(min(sine, 1.0)) / sine if sine > 1e-9 else 1.0)
 
 
-def fly(seed: int, seconds: float, rate: int, camera: str, altimeter: bool = True) -> Drift:
-    """Fly the path, navigate by pictures at a rate (Hz), and keep how far off the estimate is."""
+def fly(
+    seed: int, seconds: float, rate: int, camera: str, altimeter: bool = True, steps: Any = vio
+) -> Drift:
+    """Fly the path, navigate by pictures at a rate (Hz), and keep how far off the estimate is.
+
+    steps: of the filter, as of `Navigator`.
+    """
     arena, mount = shared_arena(seed % 3, False), C_CB[camera]
     truth, told = settings(OPTICS, DT), settings(OPTICS, DT)
     for name in ("sigma_force", "sigma_rate", "walk_force", "walk_rate"):
@@ -87,6 +93,7 @@ def fly(seed: int, seconds: float, rate: int, camera: str, altimeter: bool = Tru
     rng = np.random.default_rng(seed)
     biases = rng.normal(0.0, 1.0, (2, 3)) * [[0.04], [0.003]]
     filter_ = Navigator.start(OPTICS, mount, told, *path(0.0)[:2], attitude(0.0))
+    filter_ = replace(filter_, steps=steps)
     fleet = np.zeros(ROBOTS, ROBOT)
     fleet["place"], fleet["heading"] = rng.uniform(-4, 4, (ROBOTS, 2)), rng.uniform(-3, 3, ROBOTS)
     fleet["plate"] = rng.integers(0, 2, ROBOTS)

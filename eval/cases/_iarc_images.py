@@ -120,7 +120,7 @@ class Flight:
         p = mmae.update(*models, self.p_spin, place, variance, least, most, self.work)
         if found.heading_deviation > 0.0:
             noise = found.heading_deviation**2
-            p = mmae.update_heading(*models, p, found.heading, noise, least, most)
+            p = mmae.update_heading(*models, p, found.heading, noise, least, most, self.work)
         self.p_spin, self.spun = p, mmae.hand_over(*models, p, self.spun)
 
     def follow(self) -> None:

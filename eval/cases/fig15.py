@@ -6,7 +6,8 @@ a circle of radius 57.7 ft. Distances d alone leave the ends free to slide along
 d and e the ends are as good as the lines.
 
 `split` sees half of the edges in two parts. The published update adds up the gains of both, each
-from the same P^- (2.40)-(2.41), and its covariance is none any more.
+from the same P^- (2.40)-(2.41), and its covariance is none any more. The errors at the end hardly
+tell: a broken line is lost, deleted and begun again, which `lines_made` tells.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from numpy.typing import NDArray
 from visenvs.core.units import FOOT
 
 from ..rollout import PUBLIC_SEEDS
-from . import Row
+from . import Row, standard_error
 from ._mapping import circle, draw_lines, fly, line_errors, median, rms, settings, start, work
 
 CASE = "fig15"
@@ -51,6 +52,13 @@ def rows(episodes: int) -> list[Row]:
         broken = rooms["map"]["indefinite"]
         low, high = (1.0, None) if estimator == "printed" else (0.0, 0.0)
         out.append(Row(f"{at}/indefinite_mean", None, broken.mean(), 0.0, episodes, low, high))
+        for name, counts in (
+            ("lines_made", rooms["map"]["made"]),
+            ("wrong", rooms["map"]["wrong"]),
+        ):
+            out.append(
+                Row(f"{at}/{name}_mean", None, counts.mean(), standard_error(counts), episodes)
+            )
         out.append(median(f"{at}/end_ft", ends))
         out.append(median(f"{at}/line_ft", lines))
     return out

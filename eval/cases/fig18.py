@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from visenvs.core.units import FOOT
+
 from . import Row
 from ._mapping import median
 from ._terrain import MOMENTS, POINTS, moments, point_errors, true_points
@@ -48,7 +50,7 @@ def plot(folder: Path, episodes: int) -> Path:
     places, curves = figure.subplots(1, 2)
     flown = {estimator: moments(estimator, episodes) for estimator in BANDS}
     grid = true_points(flown["four"][0][0])[:, 2].reshape(POINTS, POINTS)
-    heights: Any = places.imshow(-grid / 0.3048, origin="lower", cmap="terrain")
+    heights: Any = places.imshow(-grid / FOOT, origin="lower", cmap="terrain")
     figure.colorbar(heights, ax=places, label="height (ft)")
     for estimator, style in zip(BANDS, ("--", "-"), strict=True):
         errors = np.array([point_errors(rooms[0]) for rooms in flown[estimator]])

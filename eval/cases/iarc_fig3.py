@@ -69,16 +69,20 @@ def hits(camera: str, how: str, k: int) -> tuple[Scene, Values]:
     return scene, raw_hits(scene.image, shipped_cascade(), sizes)
 
 
+def whole_robots(scene: Scene) -> tuple[Values, Values, Values]:
+    """Pixels (n, 2) and windows' sides (n,) of the robots, and which the border does not cut."""
+    pixels, sizes = scene.tops()
+    whole = [OPTICS.shows(p[None], 0.42 * s)[0] for p, s in zip(pixels, sizes, strict=True)]
+    return pixels, sizes, OPTICS.shows(pixels) & np.array(whole)
+
+
 def count(camera: str, how: str, votes: int, scenes: int) -> tuple[int, int, int, list[float]]:
     """Robots found, false alarms, robots visible, and errors of the centres, px."""
     found, false, visible = 0, 0, 0
     errors: list[float] = []
     for k in range(scenes):
         scene, raw = hits(camera, how, k)
-        pixels, sizes = scene.tops()
-        whole = OPTICS.shows(pixels) & np.array(
-            [OPTICS.shows(p[None], 0.42 * s)[0] for p, s in zip(pixels, sizes, strict=True)]
-        )
+        pixels, sizes, whole = whole_robots(scene)
         visible += int(whole.sum())
         used: set[int] = set()
         for detection in group(raw, votes):

@@ -3,18 +3,20 @@
 No published figure: the papers show that the processor of their flight tests follows a leader, and
 take its errors from there. A wing of 8.75 ft, 60 to 200 ft ahead, roll within 40 deg, aspect within
 10 deg, a field of view of 40 deg, predicted to 3 px (standard deviation). A `white` leader before
-haze, clouds and ground often is not registered.
+haze, clouds and ground often is not registered. `red-chan-vese` is the red one segmented by a
+contour, on the same pictures; its rows need scikit-image (`pip install 'visenvs[vision]'`).
 """
 
 from __future__ import annotations
 
 import math
+from importlib.util import find_spec
 
 import numpy as np
 
 from visenvs.core.units import FOOT
 from visenvs.sensors.images.aircraft import SPAN, WING_TIPS, draw_aircraft
-from visenvs.sensors.images.leader import LeaderView, detect
+from visenvs.sensors.images.leader import LeaderView, Segmenter, detect
 from visenvs.sensors.images.optics import Optics
 from visenvs.sensors.images.prior import Prior
 
@@ -25,6 +27,11 @@ from ._pictures import Values, outside, rms, taken, turned
 CASE = "leader"
 OPTICS = Optics(320, 240, 160.0 / math.tan(math.radians(20.0)))
 COLOURS = {"red": (200.0, 60.0, 50.0), "white": (240.0, 240.0, 240.0)}
+LOOKS: dict[str, tuple[str, Segmenter]] = {  # colour and segmenter
+    "red": ("red", "threshold"),
+    "white": ("white", "threshold"),
+    "red-chan-vese": ("red", "chan_vese"),
+}
 RANGES = {
     "60-100ft": (60, 100),
     "100ft": (98, 102),
@@ -39,10 +46,13 @@ WRONG = 0.2  # a relative error of the angle that counts as another thing found
 def rows(episodes: int) -> list[Row]:
     """Registered share, wrong ones among them, errors of centre (px) and angle (relative)."""
     out: list[Row] = []
-    for colour, paint in COLOURS.items():
+    for kind, (colour, segmenter) in LOOKS.items():
+        if segmenter == "chan_vese" and find_spec("skimage") is None:
+            continue
         for name, (near, far) in RANGES.items():
-            found, errors, centres = look(episodes, paint, near * FOOT, far * FOOT)
-            at, red = f"{CASE}/{colour}/{name}", colour == "red"
+            paint, red = COLOURS[colour], colour == "red"
+            found, errors, centres = look(episodes, paint, near * FOOT, far * FOOT, segmenter)
+            at = f"{CASE}/{kind}/{name}"
             least = 0.99 if red and name in FOUND else None
             out.append(mean(f"{at}/registered", found, None, least))
             if not len(errors):
@@ -62,7 +72,11 @@ def rows(episodes: int) -> list[Row]:
 
 
 def look(
-    count: int, paint: tuple[float, float, float], near: float, far: float
+    count: int,
+    paint: tuple[float, float, float],
+    near: float,
+    far: float,
+    segmenter: Segmenter = "threshold",
 ) -> tuple[Values, ...]:
     """Which pictures were registered (count,); of these, errors of the angle and the centre."""
     found = np.zeros(count, bool)
@@ -79,7 +93,7 @@ def look(
         guess = point + rng.normal(0.0, OFF, 2) / OPTICS.focal
         deviation = OFF / OPTICS.focal
         prior = Prior((guess[0], guess[1]), (deviation, deviation), 0.5 * SPAN / depth)
-        view = detect(taken(frame, k), OPTICS, prior)
+        view = detect(taken(frame, k), OPTICS, prior, segmenter)
         if view is not None:
             found[k] = True
             tips = (WING_TIPS @ C_BN + r) @ C.T

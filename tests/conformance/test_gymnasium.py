@@ -42,7 +42,7 @@ def test_the_checker_finds_nothing(case, monkeypatch):
 
 def test_pictures_are_rgb_arrays(case):
     if not case.task.picture:
-        with pytest.raises(ValueError, match="unknown render_mode 'rgb_array' Choices: None"):
+        with pytest.raises(ValueError, match=r"unknown render_mode 'rgb_array'\. Choices: None"):
             case.single(render_mode="rgb_array")
         return
     env = case.single(render_mode="rgb_array")

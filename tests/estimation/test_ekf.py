@@ -11,6 +11,7 @@ from visenvs.estimation.ekf import (
     update_scalar,
     update_sequential,
     update_vector,
+    white_acceleration,
     whiten,
 )
 
@@ -69,6 +70,15 @@ def factor_of(A):
     pack_lower(A, packed)
     factorise(packed, len(A))
     return packed
+
+
+def test_white_acceleration_spreads_position_and_velocity_as_its_integral_does():
+    """q times the integral of (T - t, 1)' (T - t, 1) over T; Gauss's rule is exact here."""
+    q, T = 0.3, 0.7
+    nodes, weights = np.polynomial.legendre.leggauss(3)
+    moves = np.stack([0.5 * T * (1.0 - nodes), np.ones(3)])
+    Q = q * (moves * (0.5 * T * weights)) @ moves.T
+    assert white_acceleration(q, T) == pytest.approx((Q[0, 0], Q[0, 1], Q[1, 1]), rel=1e-14)
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 6])

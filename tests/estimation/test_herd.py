@@ -11,6 +11,7 @@ from visenvs.envs._herding_config import HerdingConfig
 from visenvs.estimation import herd, robot_clock
 from visenvs.estimation.herd import FINISHED, NONE, TRACKED
 from visenvs.estimation.mmae import NEVER
+from visenvs.estimation.whereabouts import PHASE
 from visenvs.sensors.ground_camera import in_view, mount, pixel_size
 
 pytestmark = pytest.mark.kernel
@@ -155,6 +156,31 @@ def test_where_a_bump_restarts_the_timer_every_half_turn_tells_it():
     assert scene.run(2.0).bank["phase"][0] == pytest.approx(2.0, abs=0.4)
     herd.tell(scene.bank, 0, True, scene.cfg)
     assert scene.bank["phase"][0] == 0.0
+
+
+@pytest.mark.parametrize(
+    "spun, turn, restarts, told",
+    [(0.5, 2.456, 1, 9.0), (1.2, 2.456, 1, 1.2), (1.2, 0.614, 1, 9.0), (1.2, 2.456, 0, 9.0)],
+)
+def test_a_spin_restarts_the_timer_once_it_is_believed(spun, turn, restarts, told):
+    """Not one that may be a mistake, nor a touch's, nor under the official firmware."""
+    scene = Scene([[0.0, 0.0]], [0.0], bump_restarts_timer=restarts).begin()
+    bank = scene.bank
+    bank["phase"][0], bank["spun"][0], bank["turn"][0] = 9.0, spun, turn
+    robot_clock.note_restart(bank, 0, scene.cfg)
+    assert bank["phase"][0] == told
+
+
+@pytest.mark.parametrize("restarts", [0, 1])
+def test_guesses_that_are_bumped_have_their_own_timers_only_where_a_bump_restarts_it(restarts):
+    scene = Scene([[0.0, 0.0]], [0.0], bump_restarts_timer=restarts).begin().run(2.0)
+    scene.pose[0, 2] = 0.0  # on the ground it sees nothing
+    phases = scene.run(15.0).bank["guesses"][0, :, PHASE]
+    assert (len(np.unique(np.round(phases, 6))) > 1) == bool(restarts)
+    herd.tell(scene.bank, 0, False, scene.cfg)
+    assert scene.bank["guesses"][0, :, PHASE].max() > 10.0
+    herd.tell(scene.bank, 0, True, scene.cfg)
+    assert (scene.bank["guesses"][0, :, PHASE].max() == 0.0) == bool(restarts)
 
 
 def test_a_clock_that_should_have_struck_is_wrong():

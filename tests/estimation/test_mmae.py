@@ -143,7 +143,7 @@ def test_a_heading_is_used_as_the_textbook_does():
     x = np.array([[1.0, 2.0, 0.3], [1.1, 1.9, 0.5]])
     P = np.stack([covariance(3), covariance(4)])
     before, prior, variance = (x.copy(), P.copy()), 0.2, 0.05
-    p = mmae.update_heading(x, P, prior, 0.45, variance, 0.0, 1.0)
+    p = mmae.update_heading(x, P, prior, 0.45, variance, 0.0, 1.0, scratch())
     H, density = np.array([[0.0, 0.0, 1.0]]), []
     for mode in range(2):
         S = float(before[1][mode, 2, 2] + variance)
@@ -161,11 +161,11 @@ def test_a_heading_is_used_as_the_textbook_does():
 def test_a_heading_that_fits_no_model_is_a_mistake():
     x, P = np.zeros((2, 3)), np.stack([0.01 * np.eye(3)] * 2)
     before = x.copy(), P.copy()
-    assert mmae.update_heading(x, P, 0.3, math.pi, 0.01, 0.0, 1.0) == 0.3
+    assert mmae.update_heading(x, P, 0.3, math.pi, 0.01, 0.0, 1.0, scratch()) == 0.3
     assert np.array_equal(x, before[0]) and np.array_equal(P, before[1])
 
 
 def test_headings_are_compared_around_the_circle():
     x, P = np.full((2, 3), math.pi - 0.05), np.stack([0.01 * np.eye(3)] * 2)
-    mmae.update_heading(x, P, 0.3, 0.05 - math.pi, 0.01, 0.0, 1.0)
+    mmae.update_heading(x, P, 0.3, 0.05 - math.pi, 0.01, 0.0, 1.0, scratch())
     assert np.abs(wrap_angle(x[:, 2] - math.pi)) == pytest.approx([0.0, 0.0], abs=1e-12)

@@ -152,3 +152,22 @@ def test_moved_points_see_a_curved_motion_to_second_order():
     recombine(points, 3.0, np.zeros((1, 1)), mean, variance)
     assert mean[0] == pytest.approx(4.25, abs=1e-12)
     assert variance[0, 0] == pytest.approx(4 * 4 * 0.25 + 2 * 0.25**2, abs=1e-12)
+
+
+def bent(spread, shift, seed):
+    """Least eigenvalue of nine unit variances after angles whose curvature moves their mean.
+
+    The noise is 0.01 rad; the mean is moved by so many times that, by each pair of points alike.
+    """
+    odd = 0.2 * np.random.default_rng(seed).normal(size=9)
+    even = np.full(9, 0.01 * shift * spread / 9)
+    angles, x, P = np.r_[0.0, even + odd, even - odd], np.zeros(9), np.eye(9)
+    update_angle(x, P, points_of(x, P, spread), spread, angles, 0.0, 1e-4, np.empty(9))
+    return np.linalg.eigvalsh(P).min()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_covariance_stays_one_while_the_mean_moves_by_less_than_the_noise(seed):
+    """With a spread of n whatever the curvature; below, as the UKF paper has it, not always."""
+    assert bent(3.0, 0.99, seed) > 0.0 and bent(9.0, 0.99, seed) > 0.0
+    assert bent(3.0, 2.0, seed) < 0.0 < bent(9.0, 2.0, seed)

@@ -140,3 +140,19 @@ def test_flights_over_drawn_landmarks_are_as_good_as_the_covariance_says():
         nees.append(e @ np.linalg.solve(P[:6, :6], e))
     low, high = stats.chi2.ppf([1e-4, 1 - 1e-4], 6 * 40) / 40
     assert low < np.mean(nees) < high
+
+
+def test_a_landmark_that_is_too_near_is_not_begun():
+    """Looking 45 deg ahead from just above the least range, the lower part of the picture is."""
+    nav, scratch, pixel = np.zeros(1, vio.NAVIGATION)[0], np.zeros(1, vio.SCRATCH)[0], np.empty(2)
+    vio.begin(nav, np.array([0.0, 0.0, -0.22]), np.zeros(3), np.eye(3), START)
+    half = math.sqrt(0.5)
+    ahead = np.array([[half, 0.0, half], [0.0, 1.0, 0.0], [-half, 0.0, half]])
+    cfg, before = settings(Optics(), DT)[0], (nav["U"].copy(), nav["D"].copy())
+    near, far = np.array([0.0, 0.9]), np.array([0.0, -0.2])
+    assert not vio.add_landmark(nav, 0, ahead, near, cfg, scratch, pixel)
+    assert nav["alive"][0] == 0.0
+    assert np.array_equal(nav["U"][:15, :15], before[0][:15, :15])
+    assert np.array_equal(nav["D"][:15], before[1][:15])
+    assert vio.add_landmark(nav, 0, ahead, far, cfg, scratch, pixel)
+    assert nav["alive"][0] == 1.0

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from eval.cases import _terrain, fig15, fig16
-from eval.cases._mapping import coverage, line_errors, settings, start
+from eval.cases._mapping import coverage, fly, line_errors, settings, start, work
 from visenvs.core.units import FOOT
 
 SEEDS = np.array([100000], np.uint64)
@@ -72,3 +72,24 @@ def test_a_few_seeds_hold_the_bands_of_what_does_not_scatter(case):
     assert len(counted) > 5 and all(row.ok is not False for row in counted)
     wide = [row for row in rows.values() if row.high is not None and row.id.endswith("_ft")]
     assert len(wide) > 1 and all(row.ours < 2.0 * row.high for row in wide)
+
+
+def broken(room):
+    """How many lines of a map have a covariance that is none."""
+    m = room["map"]
+    return sum(np.linalg.eigvalsh(P).min() <= 0.0 for P in m["P"][m["alive"] > 0])
+
+
+def test_lines_that_the_published_update_breaks_are_deleted_and_begun_anew():
+    """In the first hundred images; where nothing is deleted they are still there."""
+    seeds, left = np.arange(100000, 100006, dtype=np.uint64), {}
+    path, gaze = fig15.turn(fig15.IMAGES)
+    for keeps in ("some", "all"):
+        never = dict.fromkeys(("delete_after", "age_out", "patience"), 10**6)
+        changes = never if keeps == "all" else {}
+        config = settings("pyramid", "printed", p_split=fig15.SPLIT, **changes)
+        rooms = start(config, seeds)
+        fly(rooms, seeds, path[:100], gaze[:100], 0, config, work())
+        assert rooms["map"]["indefinite"].sum() > 10
+        left[keeps] = sum(broken(room) for room in rooms)
+    assert left["all"] > left["some"] == 0

@@ -64,7 +64,8 @@ def test_lanes_without_a_seed_draw_different_ones():
 @pytest.mark.parametrize(
     "seed, message",
     [
-        ([1, 2], "expected 3 seeds, one for each lane, got 2"),
+        ([1, 2], r"expected a whole number, or 3 of them.*got \[1, 2\]; write `seed=0`"),
+        (1.5, "expected a whole number, or 3 of them.*got 1.5; write `seed=0`"),
         ([1, 2, -3], "integer seeds from 0"),
         ([1, 2, 0.5], "integer seeds from 0"),
         (-1, "greater or equal to zero"),
@@ -172,7 +173,7 @@ def test_every_lane_has_its_picture():
 
 
 def test_there_is_no_window_of_many_lanes():
-    with pytest.raises(ValueError, match=r"unknown render_mode 'human' .*'rgb_array'$"):
+    with pytest.raises(ValueError, match=r"unknown render_mode 'human'. .*'rgb_array'$"):
         LaneVectorEnv(ENV_ID, 2, render_mode="human")
     envs = LaneVectorEnv(ENV_ID, 2)
     envs.reset(seed=40)

@@ -167,9 +167,23 @@ def test_render_without_a_mode_says_how():
 
 def test_unknown_render_modes_list_the_known_ones():
     with pytest.raises(
-        ValueError, match="unknown render_mode 'svg' Choices: None, 'rgb_array', 'human'"
+        ValueError, match=r"unknown render_mode 'svg'\. Choices: None, 'rgb_array', 'human'"
     ):
         LaneEnv(ENV_ID, render_mode="svg")
+
+
+def test_only_choices_have_masks():
+    assert not hasattr(LaneEnv(ENV_ID), "action_masks")
+    env = LaneEnv("visenvs/Herding-v0", estimator="truth")
+    env.reset(seed=0)
+    assert np.array_equal(env.action_masks(), env.lanes.records["allowed"][0] > 0.5)
+
+
+def test_presets_of_another_kind_are_refused_with_what_to_write():
+    with pytest.raises(ValueError, match=r"unknown scenario 3\. Known: random"):
+        LaneEnv(ENV_ID, scenario=3)
+    with pytest.raises(ValueError, match=r"unknown scenario \['random'\]; did you mean 'random'"):
+        LaneEnv(ENV_ID, scenario=["random"])
 
 
 def test_human_mode_shows_every_step(monkeypatch):

@@ -172,6 +172,8 @@ def test_errors_tell_what_to_write():
         env.render()
     with pytest.raises(ResetNeeded, match="no state to copy"):
         env.snapshot()
+    with pytest.raises(ValueError, match=r"got \[-1\]; write `seed=0`"):
+        env.reset(seed=-1)
     env.reset(seed=0)
     before = env.snapshot()
     good = followed(env)
@@ -179,13 +181,22 @@ def test_errors_tell_what_to_write():
         ValueError, match=r"each of \['follower_0', 'follower_1'\], got \['follower_1'\]; write"
     ):
         env.step({"follower_1": good["follower_1"]})
+    with pytest.raises(ValueError, match=r"each of .*, got \[0, 'follower_1'\]; write"):
+        env.step({0: good["follower_0"], "follower_1": good["follower_1"]})
+    with pytest.raises(ValueError, match=r"each of .*, got list; write"):
+        env.step(list(good.values()))
     with pytest.raises(ValueError, match=r"the action of follower_1 has shape \(3,\), got \(2,\)"):
         env.step({**good, "follower_1": np.zeros(2, np.float32)})
     with pytest.raises(ValueError, match="must be finite and within"):
         env.step({**good, "follower_1": np.full(3, np.nan, np.float32)})
     assert env.snapshot().tobytes() == before.tobytes()
-    with pytest.raises(ValueError, match="2 agents fly visenvs/Formation-v0 together"):
+    line = (
+        r"`import visenvs.formation_v0` and `visenvs.formation_v0.parallel_env\('team', followers=2"
+    )
+    with pytest.raises(ValueError, match="2 agents fly visenvs/Formation-v0 together.*" + line):
         LaneEnv("visenvs/Formation-v0", "team", followers=2)
+    with pytest.raises(ValueError, match=r"write `snapshot = env.snapshot\(\)`"):
+        env.restore(None)
     with pytest.raises(ValueError, match="unknown scenario 'teem'; did you mean 'team'"):
         formation_v0.parallel_env("teem")
 
@@ -198,5 +209,8 @@ def test_any_task_with_a_team_can_be_shown():
         assert env.possible_agents == ["agent_0", "agent_1", "agent_2"]
         parallel_api_test(env, num_cycles=100)
         assert str(env) == "convoy_v0"
-        with pytest.raises(ValueError, match="unknown render_mode 'rgb_array' Choices: None"):
+        with pytest.raises(ValueError, match=r"unknown render_mode 'rgb_array'\. Choices: None"):
             team.parallel_env("visenvs/Convoy-v0", carts=3, render_mode="rgb_array")
+        line = r'`visenvs.faces.team.parallel_env\("visenvs/Convoy-v0", carts=3\)`'
+        with pytest.raises(ValueError, match=line):
+            LaneEnv("visenvs/Convoy-v0", carts=3)

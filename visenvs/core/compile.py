@@ -42,7 +42,12 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     wrapper for C, which nobody calls, would be a fifth of the time of compiling.
     With `NUMBA_DISABLE_JIT=1` the function stays plain Python.
     """
-    options = {"nogil": True, "error_model": "numpy", "forceinline": True, "no_cfunc_wrapper": True}
+    options: Any = {
+        "nogil": True,
+        "error_model": "numpy",
+        "forceinline": True,
+        "no_cfunc_wrapper": True,
+    }
     out: Any = numba.njit(**options)(function)
     if SETTINGS.DISABLE_JIT:
         return out

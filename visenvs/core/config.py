@@ -36,8 +36,9 @@ def nearest(name: str, known: Iterable[str]) -> str:
 
 def pick(kind: str, name: str, known: Mapping[str, T]) -> T:
     """The entry called `name`, or a ValueError that lists what there is."""
-    if name not in known:
-        raise ValueError(f"unknown {kind} {name!r}{nearest(name, known)} Known: {', '.join(known)}")
+    if name not in tuple(known):  # compared, since what users type need not be hashable
+        hint = nearest(str(name), known)
+        raise ValueError(f"unknown {kind} {name!r}{hint} Known: {', '.join(known)}")
     return known[name]
 
 

@@ -268,8 +268,12 @@ class Lanes:
 
     def restore(self, snapshot: NDArray[Any]) -> None:
         """Return to a snapshot of the same task and number of lanes."""
-        if snapshot.dtype != self.records.dtype or snapshot.shape != self.records.shape:
-            raise ValueError(f"the snapshot is not of {self.count} lanes of {self.task.id}")
+        fits = getattr(snapshot, "dtype", None) == self.records.dtype
+        if not fits or snapshot.shape != self.records.shape:
+            raise ValueError(
+                f"the snapshot is not of {self.count} lanes of {self.task.id}; "
+                "write `snapshot = env.snapshot()` and later `env.restore(snapshot)`"
+            )
         self.records[:] = snapshot
         self._observe(self.records, self.rows)
 
@@ -335,7 +339,8 @@ def checked_seeds(seeds: ArrayLike, count: int) -> NDArray[np.uint64]:
     if array.shape != (count,) or not all(_is_seed(seed) for seed in array):
         raise ValueError(
             f"expected {count} integer seeds from 0 to 2**64 - 1, got {seeds!r}; "
-            f"write `lanes.reset(range({count}))`"
+            f"write `seed={0 if count == 1 else list(range(min(count, 3)))}`"
+            + (f" with {count} of them" if count > 3 else "")
         )
     return array.astype(np.uint64)
 

@@ -25,8 +25,9 @@ import math
 import numpy as np
 
 from visenvs.core.compile import kernel
+from visenvs.core.frames import camera_towards
 from visenvs.core.units import FOOT
-from visenvs.estimation.ekf import update_sequential
+from visenvs.estimation.ekf import update_sequential, white_acceleration
 
 KINDS = ("kf", "kf-nn", "kf-nn-velocity", "kf-integrator", "kf-singer")
 PLAIN, NETWORK, TURNED, INTEGRATOR, SINGER = range(len(KINDS))
@@ -151,15 +152,11 @@ def locate(own, sight, distance, w):
         distance: to be taken where there is no subtended angle, m.
         w: y and H are written.
     """
-    u, H = sight["u_N"], w["H"]
+    u = sight["u_N"]
     if sight["alpha"] > 0.0:
         distance = 0.5 * own["size_told"] / math.tan(0.5 * sight["alpha"])
-    level = max(math.hypot(u[0], u[1]), 1e-6)
-    H[1, 0], H[1, 1], H[1, 2] = -u[1] / level, u[0] / level, 0.0
+    camera_towards(u, w["H"])
     for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        H[0, i] = u[i]
-        H[2, i] = u[j] * H[1, k] - u[k] * H[1, j]
         w["y"][i] = own["r_V_N"][i] + distance * u[i]
 
 
@@ -205,14 +202,15 @@ def drift(x, P, dt, q, rate):
             P[a, i] += dt * P[a, i + 3] + ahead * P[a, i + 6]
             P[a, i + 3] += grow * P[a, i + 6]
             P[a, i + 6] *= keep
+    place, both, speed = white_acceleration(q, dt)
     for i in range(3):
         if rate > 0.0:
             P[i + 6, i + 6] += q * dt
         else:
-            P[i, i] += q * dt * dt * dt / 3.0
-            P[i, i + 3] += 0.5 * q * dt * dt
-            P[i + 3, i] += 0.5 * q * dt * dt
-            P[i + 3, i + 3] += q * dt
+            P[i, i] += place
+            P[i, i + 3] += both
+            P[i + 3, i] += both
+            P[i + 3, i + 3] += speed
     for i in range(9):
         for j in range(i):
             P[i, j] = P[j, i] = 0.5 * (P[i, j] + P[j, i])

@@ -18,23 +18,31 @@ import numpy as np
 from visenvs.core.compile import kernel
 from visenvs.core.frames import wrap_angle
 from visenvs.core.sight import to_angles
-from visenvs.estimation.ekf import factorise, pack_lower, predict_covariance, update_scalar
+from visenvs.estimation.ekf import (
+    factorise,
+    pack_lower,
+    predict_covariance,
+    update_sequential,
+    white_acceleration,
+)
 from visenvs.estimation.polar import LEAST_SPEED, transition
 from visenvs.estimation.ukf import recombine, sigma_points, update_angle
-from visenvs.estimation.wings import TINY, first_look, tangents
+from visenvs.estimation.wings import first_look, tangents
 
 R, V, B, LAT, UP, SIZE = 0, 3, 6, 7, 8, 9  # places in the state
 POINTS = 2 * SIZE + 1
 SPREAD = 3.0  # n + lambda (UKF paper, before (23))
 NEAREST = 1e-3  # m; r and b stay positive
+LEAST_COSINE = 1e-9  # of an elevation: straight up there is no azimuth
 
 TRACK = np.dtype([("x", "f8", (SIZE,)), ("P", "f8", (SIZE, SIZE))])
 SCRATCH = np.dtype([
     ("polar", "f8", (10,)), ("factor", "f8", (SIZE * (SIZE + 1) // 2,)),
-    *((name, "f8", (SIZE,)) for name in ("middle", "f", "xi", "work")),
+    *((name, "f8", (SIZE,)) for name in ("middle", "f", "work")),
     *((name, "f8", (SIZE, SIZE)) for name in ("F", "Phi", "Q", "M")),
-    ("H", "f8", (3, SIZE)), ("points", "f8", (POINTS, SIZE)), ("angles", "f8", (POINTS,)),
-    *((name, "f8", (3,)) for name in ("a", "v", "u", "residual", "variance")),
+    ("points", "f8", (POINTS, SIZE)), ("angles", "f8", (POINTS,)),
+    ("C", "f8", (3, 3)), *((name, "f8", (3, SIZE)) for name in ("H", "B")),
+    *((name, "f8", (3,)) for name in ("a", "v", "u", "residual", "variance", "S")),
 ])  # fmt: skip
 
 
@@ -121,11 +129,11 @@ def advance(x, dt, scratch):
 @kernel
 def process_noise(dt, cfg, Q):
     """Write the covariance that white leader acceleration and drifting a_lat, a_up add, (9, 9)."""
-    q = cfg["q_a"] * dt
+    place, both, speed = white_acceleration(cfg["q_a"], dt)
     for i in range(3):
-        Q[R + i, R + i] = q * dt * dt / 3.0
-        Q[R + i, V + i] = Q[V + i, R + i] = 0.5 * q * dt
-        Q[V + i, V + i] = q
+        Q[R + i, R + i] = place
+        Q[R + i, V + i] = Q[V + i, R + i] = both
+        Q[V + i, V + i] = speed
     Q[LAT, LAT] = cfg["q_lat"] * dt
     Q[UP, UP] = cfg["q_up"] * dt
 
@@ -199,13 +207,14 @@ def wing_angle(x):
 @kernel
 def update_extended(track, sight, belief, cfg, scratch):
     """Use one image, linearised at the prediction."""
-    x, P, H, u = track["x"], track["P"], scratch["H"], scratch["u"]
-    residual, work = scratch["residual"], scratch["work"]
+    x, H, u = track["x"], scratch["H"], scratch["u"]
+    residual, variance = scratch["residual"], scratch["variance"]
     r = max(math.sqrt(x[R] * x[R] + x[R + 1] * x[R + 1] + x[R + 2] * x[R + 2]), NEAREST)
     for i in range(3):
         u[i] = x[R + i] / r
-    tangents(u, sight, H, residual)
-    rows, variance = 2, cfg["sigma_image"] ** 2
+    tangents(u, sight, scratch["C"], H, residual)
+    rows, variance[0] = 2, cfg["sigma_image"] ** 2
+    variance[1], variance[2] = variance[0], 2.0 * variance[0]
     for k in range(3):
         H[0, k] /= r
         H[1, k] /= r
@@ -216,19 +225,11 @@ def update_extended(track, sight, belief, cfg, scratch):
         H[2, B] = share / x[B]
         for k in range(3):
             H[2, k] = -share * u[k] / r
-    belief["nis"] = 0.0
-    xi = scratch["xi"]
-    for j in range(SIZE):
-        xi[j] = 0.0
     for i in range(rows):
-        belief["innovation"][i] = left = residual[i]
-        for j in range(SIZE):
-            left -= H[i, j] * xi[j]
-        noise = 2.0 * variance if i == 2 else variance
-        total = update_scalar(xi, P, H, i, left, noise, work)
-        belief["nis"] += left * left / total
-    for j in range(SIZE):
-        x[j] += xi[j]
+        belief["innovation"][i] = residual[i]
+    belief["nis"] = update_sequential(
+        x, track["P"], H, residual[:rows], variance[:rows], 0.0, scratch["B"], scratch["S"]
+    )
     x[B] = max(x[B], NEAREST)
 
 
@@ -247,7 +248,7 @@ def update_unscented(track, sight, belief, cfg, scratch):
         for j in range(POINTS):
             y, p, _ = to_angles(points[j, R], points[j, R + 1], points[j, R + 2])
             angles[j] = y if i == 0 else p if i == 1 else wing_angle(points[j])
-        measured, noise = azimuth, variance / max(math.cos(elevation), TINY) ** 2
+        measured, noise = azimuth, variance / max(math.cos(elevation), LEAST_COSINE) ** 2
         if i == 1:
             measured, noise = elevation, variance
         elif i == 2:

@@ -8,9 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from visenvs.core.compile import kernel
-from visenvs.core.sight import differ, see, slope
 from visenvs.estimation.ekf import update_sequential
-from visenvs.estimation.sighting import assumed_variance
+from visenvs.estimation.sighting import compare
 
 SCRATCH = np.dtype(
     [
@@ -60,15 +59,12 @@ def update(x, P, r_V, C, measured, cfg, scratch):
         cfg: settings as of `sighting`.
         scratch: a SCRATCH record.
     """
-    sensor, e, G, H, r = cfg["sensor"], scratch["e"], scratch["G"], scratch["H"], scratch["r"]
+    G, H, r = scratch["G"], scratch["H"], scratch["r"]
     for i in range(3):
         r[i] = x[i] - r_V[i]
-    first, second, distance = see(sensor, C, r, cfg["min_range"])
-    slope(sensor, C, r, cfg["min_range"], G)
+    compare(r, C, measured, cfg, scratch)
     for i in range(2):
         for j in range(3):
             H[i, j], H[i, j + 3] = G[i, j], 0.0
-    e[0], e[1] = differ(sensor, measured[0], first), differ(sensor, measured[1], second)
-    scratch["variance"][0] = scratch["variance"][1] = assumed_variance(distance, cfg)
-    B, S = scratch["B"], scratch["S"]
-    return update_sequential(x, P, H, e, scratch["variance"], 0.0, B, S)
+    e, variance = scratch["e"], scratch["variance"]
+    return update_sequential(x, P, H, e, variance, 0.0, scratch["B"], scratch["S"])

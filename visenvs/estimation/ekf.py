@@ -31,6 +31,17 @@ def predict_covariance(P, Phi, Q, work):
 
 
 @kernel
+def white_acceleration(q, dt):
+    """What white acceleration of a spectral density q (m^2/s^3) adds in dt s along one axis.
+
+    Returns:
+        The variance of the position, m^2, its covariance with the velocity, and the latter's.
+    """
+    speed = q * dt
+    return speed * dt * dt / 3.0, 0.5 * speed * dt, speed
+
+
+@kernel
 def update_scalar(x, P, H, i, residual, variance, work):
     """Update with measurement i of a linearised set, in place; returns its innovation variance S.
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from visenvs.core.compile import kernel
 from visenvs.core.frames import wrap_angle
-from visenvs.estimation.ekf import update_sequential
+from visenvs.estimation.ekf import update_scalar, update_sequential
 
 STRAIGHT, SPIN = 0, 1
 Q_PLACE = 0.02**2  # process noise of the place, m^2/s (27), (28)
@@ -117,7 +117,7 @@ def weigh(p_spin, log_ratio, least, most):
 
 
 @kernel
-def update_heading(x, P, p_spin, heading, variance, least, most):
+def update_heading(x, P, p_spin, heading, variance, least, most, scratch):
     """Use a measured heading (rad) in both models, in place; returns the probability of a spin.
 
     One that fits neither model is taken for a mistake and changes nothing.
@@ -127,19 +127,12 @@ def update_heading(x, P, p_spin, heading, variance, least, most):
     nis, nis_spin = off * off / S, other * other / T
     if min(nis, nis_spin) > TURNED_GATE:
         return p_spin
+    H, work = scratch["H"], scratch["B"][0]
+    H[:] = 0.0
+    H[0, 2] = 1.0
     for mode in range(2):
-        residual, total = (off, S) if mode == STRAIGHT else (other, T)
-        a, b, c = P[mode, 0, 2], P[mode, 1, 2], P[mode, 2, 2]
-        for i in range(3):
-            gain = P[mode, i, 2] / total
-            x[mode, i] += gain * residual
-        P[mode, 0, 0] -= a * a / total
-        P[mode, 1, 1] -= b * b / total
-        P[mode, 0, 1] -= a * b / total
-        P[mode, 0, 2] -= a * c / total
-        P[mode, 1, 2] -= b * c / total
-        P[mode, 2, 2] = c * variance / total
-        P[mode, 1, 0], P[mode, 2, 0], P[mode, 2, 1] = P[mode, 0, 1], P[mode, 0, 2], P[mode, 1, 2]
+        residual = off if mode == STRAIGHT else other
+        update_scalar(x[mode], P[mode], H, 0, residual, variance, work)
         x[mode, 2] = wrap_angle(x[mode, 2])
     return weigh(p_spin, 0.5 * (math.log(T / S) - nis + nis_spin), least, most)
 

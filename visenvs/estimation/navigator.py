@@ -58,6 +58,7 @@ class Navigator:
         settings: one record of SETTINGS.
         nav: one record of `vio.NAVIGATION`.
         patches: of the landmarks, (SLOTS, PATCH * PATCH).
+        steps: those of the filter: `vio`, or what watches them and has functions like it.
     """
 
     optics: Optics
@@ -65,6 +66,7 @@ class Navigator:
     settings: NDArray[Any]
     nav: NDArray[Any]
     patches: NDArray[np.float32]
+    steps: Any = vio
 
     @classmethod
     def start(
@@ -89,22 +91,23 @@ class Navigator:
             mask: 0 where nothing is looked at.
         """
         nav, cfg, scratch = self.nav[0], self.settings[0], np.zeros(1, vio.SCRATCH)[0]
+        steps = self.steps
         pixels, patches = corners.detect(image, mask)
         points = self.optics.points(pixels)
-        vio.predict(nav, cfg, scratch)
+        steps.predict(nav, cfg, scratch)
         if height is not None:
-            vio.use_height(nav, height, cfg["sigma_height"], scratch)
+            steps.use_height(nav, height, cfg["sigma_height"], scratch)
         used, taken, seen = 0, np.zeros(len(pixels), bool), np.empty(2)
         held: list[Values] = []
         for j in np.flatnonzero(nav["alive"]):
-            depth = vio.expect(nav, j, self.C_CB, cfg["min_range"], scratch, seen)
+            ahead = steps.expect(nav, j, self.C_CB, cfg["min_range"], scratch, seen)
             place = self.optics.pixels(seen)
-            if depth < cfg["min_range"] or not self.optics.shows(place, BORDER):
+            if not ahead or not self.optics.shows(place, BORDER):
                 nav["alive"][j] = 0.0
                 continue
             i = self._corner(int(j), place, pixels, patches, taken)
             point = points[i] if i >= 0 else seen
-            if i >= 0 and vio.use_landmark(nav, j, self.C_CB, point, cfg, scratch, seen):
+            if i >= 0 and steps.use_landmark(nav, j, self.C_CB, point, cfg, scratch, seen):
                 taken[i], nav["missed"][j] = True, 0.0
                 used += 1
                 held.append(pixels[i])
@@ -113,7 +116,7 @@ class Navigator:
                 nav["missed"][j] += 1.0
                 nav["alive"][j] = 1.0 if nav["missed"][j] < FAILS else 0.0
                 held.append(place)
-        vio.correct(nav, scratch)
+        steps.correct(nav, scratch)
         self._add(pixels, patches, points, taken, held, scratch)
         return used
 
@@ -144,7 +147,7 @@ class Navigator:
     ) -> None:
         """Fill free slots with corners that are far from the landmarks."""
         nav, free = self.nav[0], list(np.flatnonzero(self.nav[0]["alive"] == 0.0))
-        seen = np.empty(2)
+        seen, steps = np.empty(2), self.steps
         for i in np.flatnonzero(~taken):
             if not free:
                 break
@@ -152,10 +155,10 @@ class Navigator:
                 continue
             j = free[0]
             cfg = self.settings[0]
-            if vio.add_landmark(nav, j, self.C_CB, points[i], cfg, scratch, seen):
+            if steps.add_landmark(nav, j, self.C_CB, points[i], cfg, scratch, seen):
                 self.patches[free.pop(0)] = patches[i]
                 held.append(pixels[i])
-        vio.correct(nav, scratch)
+        steps.correct(nav, scratch)
 
 
 def integrate_all(nav: NDArray[Any], samples: Values, dt: float, scratch: NDArray[Any]) -> None:

@@ -29,7 +29,7 @@ TRACK = np.dtype([("x", "f8", (SIZE,)), ("P", "f8", (SIZE, SIZE))])
 SCRATCH = np.dtype([
     *((name, "f8", (SIZE,)) for name in ("middle", "f", "g", "xi", "work")),
     *((name, "f8", (SIZE, SIZE)) for name in ("F", "Phi", "Q", "M")),
-    ("H", "f8", (3, SIZE)), ("T", "f8", (6, SIZE)),
+    ("C", "f8", (3, 3)), ("H", "f8", (3, SIZE)), ("T", "f8", (6, SIZE)),
     ("v", "f8", (3,)), ("residual", "f8", (3,)), ("variance", "f8", (3,)),
 ])  # fmt: skip
 
@@ -241,7 +241,7 @@ def update(track, sight, natural, consider, belief, cfg, scratch):
         xi[j] = 0.0
         for i in range(3):
             H[i, j] = 0.0
-    tangents(x, sight, H, residual)
+    tangents(x, sight, scratch["C"], H, residual)
     rows = 2
     variance[0] = variance[1] = cfg["sigma_image"] ** 2
     if sight["alpha"] > 0.0:

@@ -3,7 +3,7 @@
 `phase` is the time since the robot's last reversal by the timer, s; all are started together, as if
 they had just reversed. A spin seen where one was due sets it right. One that nothing explains (not
 due, not ours, nobody near) tells that it was wrong. With `bump_restarts_timer` every half turn
-starts the timer anew.
+starts the timer anew, once it has lasted too long to be a mistake.
 
 Tracks are rows of a bank (`herd.bank_dtype`). Settings: speed, spin_time, period, robot_radius,
 bump_restarts_timer.
@@ -22,6 +22,7 @@ EARLY, LATE = 0.6, 3.4  # a reversal may be found so much before and after it is
 SEEN = 0.15  # standard deviation of a phase whose reversal was seen, s
 SURPRISED = 1.0  # standard deviation after a spin that nothing explains, s
 UNKNOWN = 6.0  # standard deviation of a phase of which nothing is known, s
+BELIEVED = 1.0  # a spin seen for so long is one, s
 BESIDE = 0.25  # gap at which robots may have bumped, m
 
 
@@ -39,7 +40,7 @@ def note_spin(bank, j, cfg):
     timed = due(bank["phase"][j] - spun, bank["sd_phase"][j], cfg)
     if bank["filled"][j] < SIGHTS:
         began_unseen(bank, j, spun, timed, cfg)
-    elif cfg["bump_restarts_timer"] or timed:
+    elif timed:
         bank["phase"][j], bank["sd_phase"][j] = spun, SEEN
     elif not bumped(bank, j, cfg):
         bank["phase"][j], bank["sd_phase"][j] = spun, SURPRISED
@@ -69,6 +70,14 @@ def note_double(bank, j, cfg):
         bank["turn"][j] = cfg["spin_time"]
         if bank["phase"][j] >= cfg["period"]:
             bank["phase"][j], bank["sd_phase"][j] = bank["spun"][j], SEEN
+
+
+@kernel
+def note_restart(bank, j, cfg):
+    """A half turn that has lasted for long enough has restarted the timer, where a bump does."""
+    spun, long = bank["spun"][j], bank["turn"][j] > BELIEVED
+    if cfg["bump_restarts_timer"] and long and spun > BELIEVED:
+        bank["phase"][j], bank["sd_phase"][j] = spun, SEEN
 
 
 @kernel

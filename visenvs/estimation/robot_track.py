@@ -111,12 +111,13 @@ def absorb(bank, j, place, variance, turned, cfg, scratch):
     least, most = mmae.LEAST, 1.0 - mmae.LEAST
     p_spin = mmae.update(x, P, bank["p_spin"][j], place, variance, least, most, scratch)
     if turned[1] > 0.0:
-        p_spin = mmae.update_heading(x, P, p_spin, turned[0], turned[1], least, most)
+        p_spin = mmae.update_heading(x, P, p_spin, turned[0], turned[1], least, most, scratch)
     bank["p_spin"][j], bank["spun"][j] = p_spin, mmae.hand_over(x, P, p_spin, spun)
     if spun < 0.0 <= bank["spun"][j]:
         robot_clock.note_spin(bank, j, cfg)
     elif spun >= 0.0:
         robot_clock.note_double(bank, j, cfg)
+        robot_clock.note_restart(bank, j, cfg)
     else:
         robot_clock.note_overdue(bank, j, cfg)
     filled = push(bank["sights"][j], int(bank["filled"][j]), bank["t"], place)

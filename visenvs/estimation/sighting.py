@@ -36,16 +36,23 @@ def assumed_variance(distance, cfg):
 
 
 @kernel
-def linearise(r, J, C, measured, cfg, scratch):
-    """Linearise a sighting at (r, J): fills scratch H (2, 3), e (innovation) and variance."""
-    sensor, e, G, H = cfg["sensor"], scratch["e"], scratch["G"], scratch["H"]
+def compare(r, C, measured, cfg, scratch):
+    """Compare a sighting with r: fills scratch G (slope by r, (2, 3)), e (innovation), variance."""
+    sensor, e = cfg["sensor"], scratch["e"]
     first, second, distance = see(sensor, C, r, cfg["min_range"])
-    slope(sensor, C, r, cfg["min_range"], G)
+    slope(sensor, C, r, cfg["min_range"], scratch["G"])
+    e[0], e[1] = differ(sensor, measured[0], first), differ(sensor, measured[1], second)
+    scratch["variance"][0] = scratch["variance"][1] = assumed_variance(distance, cfg)
+
+
+@kernel
+def linearise(r, J, C, measured, cfg, scratch):
+    """Linearise a sighting at (r, J): `compare`, and its slope by the state in scratch H (2, 3)."""
+    compare(r, C, measured, cfg, scratch)
+    G, H = scratch["G"], scratch["H"]
     for i in range(2):
         for j in range(3):
             H[i, j] = G[i, 0] * J[0, j] + G[i, 1] * J[1, j] + G[i, 2] * J[2, j]
-    e[0], e[1] = differ(sensor, measured[0], first), differ(sensor, measured[1], second)
-    scratch["variance"][0] = scratch["variance"][1] = assumed_variance(distance, cfg)
 
 
 @kernel

@@ -20,7 +20,8 @@ def sigma_points(x, factor, spread, points):
     Args:
         x: mean, shape (n,).
         factor: packed lower Cholesky factor of the covariance, shape (n (n + 1) / 2,).
-        spread: n + kappa, at least n: then no weight is negative.
+        spread: n + kappa, > 0. Below n the weight of the centre, 1 - n / spread, is negative: -2
+            for the n = 9 and 3 of the UKF paper.
         points: shape (2 n + 1, n).
     """
     n = x.shape[0]
@@ -41,8 +42,9 @@ def update_angle(x, P, points, spread, angles, measured, variance, cross):
     """Update with one angle, in place; returns the innovation (rad) and its variance S (rad^2).
 
     Differences of angles are wrapped about that of the centre, so that no seam is felt while the
-    points span less than half a turn to either side. P - C C' / S is a Schur complement of the
-    points' own joint covariance, and stays positive semidefinite.
+    points span less than half a turn to either side. P - C C' / S stays positive semidefinite where
+    the curvature moves the mean angle off the centre's by no more than the noise's standard
+    deviation; with a spread of n or more always, a Schur complement of a covariance of points.
 
     Args:
         x, P: state (n,) and covariance (n, n).
@@ -82,6 +84,8 @@ def update_angle(x, P, points, spread, angles, measured, variance, cross):
 @kernel
 def recombine(points, spread, Q, x, P):
     """Mean and covariance of points that have been moved, and noise Q added (prediction).
+
+    The sum is a covariance for certain only with a spread of n or more.
 
     Args:
         points: of `sigma_points`, each moved, shape (2 n + 1, n).

@@ -18,6 +18,7 @@ import math
 import numpy as np
 
 from visenvs.core.compile import kernel
+from visenvs.core.pinhole import jacobian, project
 from visenvs.core.units import GRAVITY
 from visenvs.estimation import ud
 
@@ -198,22 +199,20 @@ def predict(nav, settings, scratch):
 def expect(nav, j, C_CB, nearest, scratch, pixel):
     """Write landmark j's image point (y, z) and its derivatives by the errors, scratch["h"].
 
-    Returns its depth, m; nothing is written where that is below `nearest`.
+    Returns False, and writes nothing, where it is not more than `nearest` (m) deep.
     """
     C, r_B, h, R = nav["C"], scratch["r_B"], scratch["h"], scratch["turn"]
     for i in range(3):
         r_B[i] = 0.0
         for k in range(3):
             r_B[i] += C[i, k] * (nav["landmarks"][j, k] - nav["p"][k])
-    X = C_CB[0, 0] * r_B[0] + C_CB[0, 1] * r_B[1] + C_CB[0, 2] * r_B[2]
-    if X < nearest:
-        return X
+    X, y, z = project(C_CB, r_B, nearest)
+    if X <= nearest:
+        return False
+    pixel[0], pixel[1] = y, z
+    jacobian(C_CB, X, y, z, R)  # by r_B
     h[:] = 0.0
     for n in range(2):
-        value = C_CB[n + 1, 0] * r_B[0] + C_CB[n + 1, 1] * r_B[1] + C_CB[n + 1, 2] * r_B[2]
-        pixel[n] = value / X
-        for i in range(3):
-            R[n, i] = (C_CB[n + 1, i] - pixel[n] * C_CB[0, i]) / X  # by r_B
         for i in range(3):
             a, b = (i + 1) % 3, (i + 2) % 3
             by_place = R[n, 0] * C[0, i] + R[n, 1] * C[1, i] + R[n, 2] * C[2, i]
@@ -221,7 +220,7 @@ def expect(nav, j, C_CB, nearest, scratch, pixel):
             h[n, VEHICLE + 3 * j + i] = by_place
             # r_B + r_B x dtheta
             h[n, ATTITUDE + i] = R[n, a] * r_B[b] - R[n, b] * r_B[a]
-    return X
+    return True
 
 
 @kernel
@@ -244,7 +243,7 @@ def use_landmark(nav, j, C_CB, measured, settings, scratch, pixel):
             residuals in standard deviations; 0 for none) and min_range (m).
         pixel: receives the predicted image point, (2,).
     """
-    if expect(nav, j, C_CB, settings["min_range"], scratch, pixel) < settings["min_range"]:
+    if not expect(nav, j, C_CB, settings["min_range"], scratch, pixel):
         return False
     variance, total = settings["sigma_pixel"] ** 2, 0.0
     for n in range(2):
@@ -294,7 +293,10 @@ def correct(nav, scratch):
 
 @kernel
 def add_landmark(nav, j, C_CB, measured, settings, scratch, pixel):
-    """Put a new landmark into slot j, where its ray meets the floor; False where it does not."""
+    """Put a new landmark into slot j, where its ray meets the floor; False where it does not.
+
+    Nor where that is too near: there it has no slopes.
+    """
     C, ray = nav["C"], scratch["r_B"]
     for i in range(3):
         ray[i] = C_CB[0, i] + C_CB[1, i] * measured[0] + C_CB[2, i] * measured[1]
@@ -308,8 +310,9 @@ def add_landmark(nav, j, C_CB, measured, settings, scratch, pixel):
         deviation = UP if i == 2 else ACROSS
         ud.replace(nav["U"], nav["D"], VEHICLE + 3 * j + i, deviation**2, scratch["b"])
     nav["landmarks"][j, 2] = 0.0
+    if not expect(nav, j, C_CB, settings["min_range"], scratch, pixel):
+        return False
     nav["alive"][j], nav["missed"][j] = 1.0, 0.0
-    expect(nav, j, C_CB, settings["min_range"], scratch, pixel)
     variance = settings["sigma_pixel"] ** 2
     for n in range(2):
         residual, _ = innovation(nav, measured, pixel, n, variance, scratch)

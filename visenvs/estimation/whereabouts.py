@@ -8,7 +8,8 @@ on where the robot can still be. When none is left the robot is anywhere that is
 The leader is the guess that the track shows: at first the one without luck, later the middle one.
 
 The dice are the filter's own (`core.noise` with a seed of its own), and the same in every run.
-Settings: speed, spin_time, period, noise_every, noise_max, side, p_detect, and `ground_camera`'s.
+Settings: speed, spin_time, period, noise_every, noise_max, side, p_detect, bump_restarts_timer, and
+`ground_camera`'s.
 """
 
 from __future__ import annotations
@@ -111,6 +112,7 @@ def stir(bank, j, k, cfg):
     g[HEADING] += (2.0 * u - 1.0) * cfg["noise_max"]
     if v < RUN_INTO:
         g[LEFT], g[HEADING] = cfg["spin_time"], g[HEADING] + math.pi
+        g[PHASE] = 0.0 if cfg["bump_restarts_timer"] else g[PHASE]
 
 
 @kernel
@@ -120,6 +122,7 @@ def turn_guesses(bank, j, angle, cfg):
         g = bank["guesses"][j, k]
         g[HEADING] += angle - math.pi * g[LEFT] / cfg["spin_time"]
         g[LEFT] = cfg["spin_time"] * angle / math.pi
+        g[PHASE] = 0.0 if cfg["bump_restarts_timer"] and angle == math.pi else g[PHASE]
 
 
 @kernel

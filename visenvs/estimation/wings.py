@@ -9,26 +9,24 @@ from __future__ import annotations
 import math
 
 from visenvs.core.compile import kernel
-
-TINY = 1e-9
+from visenvs.core.frames import camera_towards, rotate
 
 
 @kernel
-def tangents(u, sight, H, residual):
+def tangents(u, sight, C, H, residual):
     """Write the measured direction's two angles off the predicted one, and their slopes by u.
 
     Args:
         u: predicted direction, a unit vector in N; (3,) or longer.
         sight: record with u_N, the measured one.
+        C: scratch, (3, 3); holds the axes along u, to the right and down on return.
         H: rows 0 and 1 receive the axes to the right and down in their first three columns.
         residual: [0] and [1] are written, rad.
     """
-    flat = max(math.hypot(u[0], u[1]), TINY)
-    H[0, 0], H[0, 1], H[0, 2] = -u[1] / flat, u[0] / flat, 0.0
-    H[1, 0], H[1, 1], H[1, 2] = -u[2] * u[0] / flat, -u[2] * u[1] / flat, flat
-    z = sight["u_N"]
-    for i in range(2):
-        residual[i] = H[i, 0] * z[0] + H[i, 1] * z[1] + H[i, 2] * z[2]
+    camera_towards(u, C)
+    for k in range(3):
+        H[0, k], H[1, k] = C[1, k], C[2, k]
+    _, residual[0], residual[1] = rotate(C, sight["u_N"])
 
 
 @kernel

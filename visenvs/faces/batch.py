@@ -132,8 +132,11 @@ class LaneVectorEnv(common.OnLanes, VectorEnv[Row, Any, NDArray[Any]]):
             return [None] * self.num_envs
         if isinstance(seed, int | np.integer):
             return [int(seed) + i for i in range(self.num_envs)]
-        if len(seed) != self.num_envs:
-            raise ValueError(f"expected {self.num_envs} seeds, one for each lane, got {len(seed)}")
+        if np.asarray(seed, object).shape != (self.num_envs,):
+            raise ValueError(
+                f"expected a whole number, or {self.num_envs} of them, one for each lane, "
+                f"got {seed!r}; write `seed=0`"
+            )
         return list(seed)
 
     def _where(self, options: Mapping[str, Any] | None) -> Mask:

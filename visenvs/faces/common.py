@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from copy import deepcopy
 from importlib import import_module
+from importlib.util import find_spec
 from typing import Any, cast
 
 import numpy as np
@@ -60,11 +61,21 @@ def open_alone(env_id: str, scenario: str | None, settings: Mapping[str, Any], c
     """The same, or a ValueError where several lanes fly together."""
     lanes = open_lanes(env_id, scenario, settings, count)
     if lanes.team > 1:
+        name = f"visenvs.{module_name(env_id)}"
+        named = find_spec(name) is not None
+        face, first = (name, "") if named else ("visenvs.faces.team", f'"{env_id}", ')
+        asked = [repr(scenario)] if scenario else []
+        asked += [f"{key}={value!r}" for key, value in settings.items()]
         raise ValueError(
-            f"{lanes.team} agents fly {env_id} together under these settings; "
-            f'write `visenvs.faces.team.parallel_env("{env_id}", ...)`'
+            f"{lanes.team} agents fly {env_id} together under these settings; write "
+            f"`import {face}` and `{face}.parallel_env({first}{', '.join(asked)})`"
         )
     return lanes
+
+
+def module_name(env_id: str) -> str:
+    """`visenvs/Formation-v0` -> `formation_v0`, as PettingZoo names its environments."""
+    return env_id.removeprefix("visenvs/").replace("-", "_").lower()
 
 
 def own_space(shown: Task | Layout | Choices) -> Space[Any]:
@@ -77,7 +88,7 @@ def rendering(lanes: Lanes, metadata: Mapping[str, Any], chosen: str | None) -> 
     modes: list[str] = metadata["render_modes"] if lanes.task.picture else []
     if chosen is not None and chosen not in modes:
         choices = ", ".join(repr(mode) for mode in [None, *modes])
-        raise ValueError(f"{lanes.task.id}: unknown render_mode {chosen!r} Choices: {choices}")
+        raise ValueError(f"{lanes.task.id}: unknown render_mode {chosen!r}. Choices: {choices}")
     return {"render_modes": modes, "render_fps": max(1, round(1.0 / vars(lanes.config)["dt"]))}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
@@ -121,11 +122,12 @@ class LaneEnv(common.OnLanes, gym.Env[Row, Any]):
             self._window.close()
             self._window = None
 
-    def action_masks(self) -> NDArray[np.bool_]:
-        """Which choices may be taken, as sb3-contrib asks for it; only where there are choices."""
+    @property
+    def action_masks(self) -> Callable[[], NDArray[np.bool_]]:
+        """Tells which choices may be taken, as sb3-contrib asks; only where there are choices."""
         if not self._masked:
             raise AttributeError(f"{self.task.id} has no choices to mask")
-        return self.lanes.allowed[0]
+        return lambda: self.lanes.allowed[0]
 
     def snapshot(self) -> NDArray[Any]:
         """A copy of the whole state, for `restore`."""

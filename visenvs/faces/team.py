@@ -50,9 +50,8 @@ class TeamEnv(common.OnLanes, ParallelEnv[str, Row, Any]):
         **settings: Any,
     ) -> None:
         self.lanes = common.open_lanes(env_id, scenario, settings, 1)
-        name = env_id.removeprefix("visenvs/").replace("-", "_").lower()
         shown = common.rendering(self.lanes, METADATA, render_mode)
-        self.metadata = METADATA | shown | {"name": name}
+        self.metadata = METADATA | shown | {"name": common.module_name(env_id)}
         self.render_mode = render_mode
         self.possible_agents: list[str] = [f"{prefix}{i}" for i in range(self.lanes.count)]
         self.agents: list[str] = []
@@ -60,17 +59,17 @@ class TeamEnv(common.OnLanes, ParallelEnv[str, Row, Any]):
         self.observation_spaces: dict[str, Any] = {}
         self.action_spaces: dict[str, Any] = {}
         for agent in self.possible_agents:
-            self.observation_spaces[agent] = common.own_space(self.task.observation)
+            self.observation_spaces[agent] = common.own_space(self.task)
             self.action_spaces[agent] = common.own_space(self.task.action)
-        one = self.task.observation.space
-        low, high = (np.tile(side, self.lanes.count) for side in (one.low, one.high))
-        self.state_space = gym.spaces.Box(low, high, dtype=np.float32)
+        one = self.task.space
+        low, high = (np.tile(side.ravel(), self.lanes.count) for side in (one.low, one.high))
+        self.state_space = gym.spaces.Box(low, high, dtype=one.low.dtype.type)
         self._width = self.task.action.size
         self._terms = term_names(self.task)
         self._begun = False
 
     def observation_space(self, agent: str) -> Any:
-        """The box of an agent's rows."""
+        """The box of an agent's rows or pictures."""
         return self.observation_spaces[agent]
 
     def action_space(self, agent: str) -> Any:
@@ -154,9 +153,10 @@ class TeamEnv(common.OnLanes, ParallelEnv[str, Row, Any]):
         self.agents = [agent for agent, i in self._places.items() if running[i]]
 
     def _gather(self, actions: Mapping[str, Any]) -> NDArray[np.float32]:
-        if set(actions) != set(self.agents):
+        got = list(actions) if hasattr(actions, "keys") else type(actions).__name__
+        if set(got) != set(self.agents):
             raise ValueError(
-                f"expected one action for each of {self.agents}, got {sorted(actions)}; "
+                f"expected one action for each of {self.agents}, got {got}; "
                 "write `env.step({agent: ... for agent in env.agents})`"
             )
         rows = np.zeros((self.lanes.count, self._width), np.float32)

@@ -34,20 +34,27 @@ STAGES = ("cruise", "descent", "on the ground", "climb")
 
 
 def draw(
-    record: np.void, config: HerdingConfig, task: Task, trail: NDArray[Any] | None = None
+    record: Any, config: HerdingConfig, task: Task, trail: NDArray[Any] | None = None
 ) -> Image:
-    """Draw one lane record, RGB, shape (540, 960, 3).
+    """Draw one lane record, or those of a team and what its first aircraft believes.
 
     Args:
-        record: lane record of the herding task, the first of a team.
+        record: lane record of the herding task, or those of a team, shape (n,).
         config: its configuration.
         task: its card.
-        trail: earlier records of the episode, shape (n,), for the path flown; None for no path.
+        trail: earlier records of the episode, shape (steps,) or (steps, n), for the paths flown;
+            None for no paths.
+
+    Returns:
+        RGB, shape (540, 960, 3).
     """
-    image = paper("Herding", {"Arena, goal line at the top": ARENA, "Camera": CAMERA})
-    path = np.zeros((0, 2)) if trail is None else np.vstack([trail["r_V_N"], record["r_V_N"]])
+    team = np.atleast_1d(record)
+    record, seen = team[0], "Camera" if len(team) == 1 else "Camera of aircraft 0"
+    image = paper("Herding", {"Arena, goal line at the top": ARENA, seen: CAMERA})
+    past = () if trail is None else trail.reshape(-1, len(team))
+    flown = np.array([*(flight["r_V_N"] for flight in past), team["r_V_N"]])
     with np.errstate(invalid="ignore", over="ignore"):  # the last record of a diverged lane
-        draw_arena(image, record, config, path)
+        draw_arena(image, team, config, flown)
         draw_camera(image, record, config)
         draw_clocks(image, record, config)
         draw_status(image, record, config)
@@ -107,9 +114,11 @@ def config_fov(config: HerdingConfig) -> Any:
     return out[0]
 
 
-def draw_arena(image: Image, record: np.void, config: HerdingConfig, path: Points) -> None:
-    """Draw lines, footprint, tracks, robots, obstacles, aircraft and the path flown."""
-    half = 0.5 * config.side
+def draw_arena(
+    image: Image, team: NDArray[Any], config: HerdingConfig, flown: NDArray[Any]
+) -> None:
+    """Draw lines, footprint, tracks, robots, obstacles, aircraft and where they flew, (., n, 2)."""
+    record, half = team[0], 0.5 * config.side
     panel = Panel(image, *ARENA, (0.0, 0.0), ARENA[2] / (config.side + 2 * MARGIN))
     view, size = footprint(record, config), config.robot_radius * panel.scale
     panel.clear()
@@ -134,11 +143,12 @@ def draw_arena(image: Image, record: np.void, config: HerdingConfig, path: Point
         panel.line(panel.ellipse(at, np.eye(2) * sd**2, SIGMAS), style.BLUE, 1, closed=True)
         panel.reticle(at, style.BLUE, 1)
         panel.line(np.array([at, at + 0.8 * way]), style.BLUE, 1)
-    panel.path(above(path), style.GREY)
-    (here,), (aim,) = above(record["r_V_N"]), above(record["aim_N"])
-    panel.line(np.array([here, aim]), style.GREEN, 1)
-    panel.disc(here, config.aircraft_radius * panel.scale + 1, style.INK, 2)
-    panel.pointer(here, style.INK)
+    for k, aircraft in enumerate(team):
+        panel.path(above(flown[:, k]), style.GREY)
+        (here,), (aim,) = above(aircraft["r_V_N"]), above(aircraft["aim_N"])
+        panel.line(np.array([here, aim]), style.GREEN, 1)
+        panel.disc(here, config.aircraft_radius * panel.scale + 1, style.INK, 2)
+        panel.pointer(here, style.INK)
     panel.border()
     panel.labels("east (m)", "north (m)")
 
