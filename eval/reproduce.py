@@ -63,13 +63,14 @@ def main(options: Options) -> None:
         (name, episodes, options.plots, options.images)
         for name, episodes in zip(chosen, needed, strict=True)
     ]
+    made = meta(PROGRAM, seeds)  # before a file of this checkout is written
     done = completed(fly, calls, options)
     found: dict[int, list[Row]] = {}
     screen = Console(stderr=True)
     for index, (rows, picture) in track(done, "flying", len(calls), transient=True, console=screen):
         found[index] = rows
         if options.json is not None:
-            keep(options.json, found, meta(PROGRAM, seeds))
+            keep(options.json, found, made)
         if picture is not None:
             print(f"written: {picture}")
     rows = [row for index in range(len(calls)) for row in found[index]]
