@@ -33,7 +33,7 @@ from ..rollout import PUBLIC_SEEDS, rollout
 from . import Row, standard_error
 
 CASE = "iarc-fig7"
-EPISODES = 1000
+EPISODES = 1000  # bands are some standard errors wide then
 PAPER = 0.245
 THRESHOLDS = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
 COUNTS = ("goaled", "removed", "remained")

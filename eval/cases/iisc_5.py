@@ -9,7 +9,7 @@ from . import Row
 from ._iisc import entry_rows
 
 CASE = "iisc-5"
-EPISODES = 1000
+EPISODES = 1000  # bands are some standard errors wide then
 PAPER = {
     "1": (46.8, 79.3, 80.4, 87.8),
     "2": (55.3, 70.0, 90.5, 96.4),

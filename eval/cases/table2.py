@@ -10,7 +10,7 @@ from . import Row
 from ._tracking import Bands, Published, cost_rows
 
 CASE = "table2"
-EPISODES = 1000
+EPISODES = 1000  # bands are some standard errors wide then
 PAPER: dict[int, Published] = {
     0: {"Jf": 50.865, "Jc": 5.831, "J": 56.696},
     1: {"Jf": 14.917, "Jc": 7.873, "J": 22.791},

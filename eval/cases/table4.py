@@ -6,7 +6,7 @@ from . import Row
 from ._tracking import Bands, Published, cost_rows
 
 CASE = "table4"
-EPISODES = 1000
+EPISODES = 1000  # bands are some standard errors wide then
 PAPER: dict[int, Published] = {
     0: {"Jf": 50.865, "Jc": 5.831, "J": 56.696},
     10: {"Jf": 1.221, "Jc": 24.307, "J": 25.529},

@@ -458,6 +458,13 @@ def test_weights_that_do_not_fit_together_are_refused(file, tmp_path):
     assert "\n" not in str(refused.value)
 
 
+def flies_as(model, path, trust):
+    """Whether the file's policy does exactly what SB3's model does."""
+    policy = load(str(path), TASK, CONFIG, trust=trust).policy
+    expected, _ = model.predict(some_rows(), deterministic=True)
+    return np.array_equal(policy.predict(some_rows())[0], expected)
+
+
 @pytest.mark.parametrize("trust", [False, True])
 @pytest.mark.parametrize("algorithm", [CrossQ, ARS])
 def test_other_algorithms_are_refused_with_what_to_do(algorithm, trust, tmp_path):
@@ -472,9 +479,7 @@ def test_an_unknown_activation_needs_trust(tmp_path):
     path = saved(model, tmp_path)
     with pytest.raises(ValueError, match=r"activation 'Softplus' is not .* needs --trust"):
         load(str(path), TASK, CONFIG)
-    trusted = load(str(path), TASK, CONFIG, trust=True).policy
-    expected, _ = model.predict(some_rows(), deterministic=True)
-    assert np.array_equal(trusted.predict(some_rows())[0], expected)
+    assert flies_as(model, path, trust=True)
 
 
 @pytest.mark.parametrize(
@@ -485,9 +490,7 @@ def test_an_extractor_of_its_own_needs_trust(extractor, words, tmp_path):
     path = saved(model, tmp_path)
     with pytest.raises(ValueError, match=rf"extractor of its own \({words}.*needs --trust"):
         load(str(path), TASK, CONFIG)
-    trusted = load(str(path), TASK, CONFIG, trust=True).policy
-    expected, _ = model.predict(some_rows(), deterministic=True)
-    assert np.array_equal(trusted.predict(some_rows())[0], expected)
+    assert flies_as(model, path, trust=True)
 
 
 def test_a_policy_class_of_its_own_needs_trust(tmp_path):
@@ -495,9 +498,7 @@ def test_a_policy_class_of_its_own_needs_trust(tmp_path):
     path = saved(model, tmp_path)
     with pytest.raises(ValueError, match=r"policy class of its own \(in .*needs --trust"):
         load(str(path), TASK, CONFIG)
-    trusted = load(str(path), TASK, CONFIG, trust=True).policy
-    expected, _ = model.predict(some_rows(), deterministic=True)
-    assert np.array_equal(trusted.predict(some_rows())[0], expected)
+    assert flies_as(model, path, trust=True)
 
 
 @pytest.mark.parametrize(

@@ -140,6 +140,22 @@ class FormationConfig:
             leader_decay=self.leader_decay >= 0,
             leader_q_lat=self.leader_q_lat >= 0,
             leader_q_a=self.leader_q_a >= 0,
+            meander_reach=self.meander_reach >= 0,
+            meander_segment=self.meander_segment > 0,
+            meander_weight=self.meander_weight > 0,
+            meander_window=0 <= self.meander_window[0] <= self.meander_window[1],
+            score_from=self.score_from >= 0,
+        )
+        self._require_sight()
+        try:
+            check_segment(self.sigma_image, self.meander_weight, self.meander_segment)
+        except ValueError as error:
+            raise ValueError(f"FormationConfig.meander_segment: {error}") from None
+
+    def _require_sight(self) -> None:
+        """Refuse what camera and filters cannot work with."""
+        require(
+            self,
             wingspan=self.wingspan > 0,
             offset_drawn=min(self.offset_drawn) >= 0 and self.offset[0] > self.offset_drawn[0],
             start_error=self.start_error >= 0,
@@ -167,17 +183,8 @@ class FormationConfig:
             singer_rate=self.singer_rate >= 0,
             adapt_gain=self.adapt_gain >= 0,
             adapt_decay=self.adapt_decay >= 0,
-            meander_reach=self.meander_reach >= 0,
-            meander_segment=self.meander_segment > 0,
-            meander_weight=self.meander_weight > 0,
-            meander_window=0 <= self.meander_window[0] <= self.meander_window[1],
             vision=0 <= self.vision[0] <= self.vision[1],
-            score_from=self.score_from >= 0,
         )
-        try:
-            check_segment(self.sigma_image, self.meander_weight, self.meander_segment)
-        except ValueError as error:
-            raise ValueError(f"FormationConfig.meander_segment: {error}") from None
         if self.perception == "images" and max(self.view) > WIDEST:
             raise ValueError(
                 f"FormationConfig.view={self.view}: a rendered picture is of one plane, at most "
